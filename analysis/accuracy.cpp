@@ -57,7 +57,7 @@ namespace {
 template <int Dim> std::string goals_text(const Settings<Dim>& settings, const Result<Dim>& result) {
   std::string text;
   for (const auto& goal : settings.goals)
-    text += fmt::format(", {:.2g} % of \"{}\"", 100.0 * relative_error_of(goal, result), goal.name);
+    text += fmt::format(", {:.2g} % of \"{}\"", 100.0 * relative_error_of<Dim>(goal, result), goal.name);
   return text;
 }
 
@@ -82,12 +82,12 @@ template <int Dim> double excess_of_cells(const Settings<Dim>& settings, const R
   const Estimates& errors = *result.estimates;
   const double aimed = aim(settings), allowed = besides(aimed, errors.geometry, share_of_facets * aimed);
   const double energy = settings.accuracy > 0.0 ? error_of_cells(errors) / allowed : 0.0;
-  return std::max(energy, missed_goals(settings, result));
+  return std::max(energy, missed_goals<Dim>(settings, result));
 }
 
 /// Whether finer facets alone may lead to what is aimed at, as they bring finer cells with them.
 template <int Dim> bool facets_may_do(const Settings<Dim>& settings, const Result<Dim>& result) {
-  return error_of_cells(*result.estimates) <= aim(settings) && missed_goals(settings, result) <= 1.0;
+  return error_of_cells(*result.estimates) <= aim(settings) && missed_goals<Dim>(settings, result) <= 1.0;
 }
 
 /// Factor on the length of facets with which the error is what is aimed at: their part of it falls like their length,
@@ -119,7 +119,7 @@ template <int Dim> double flatter(const Settings<Dim>& settings, const Result<Di
           facets_may_do(settings, result) ? facet_factor(*result.estimates, 0.95 * aimed) : 0.9 * allowed / geometry,
           2.0);
   }
-  if (const double missed = missed_goals(settings, result); missed > 1.0)
+  if (const double missed = missed_goals<Dim>(settings, result); missed > 1.0)
     share = std::min(share, 1.0 / (missed * missed));
   return std::clamp(share, Dim == 2 ? 1.0 / 16.0 : 1.0 / 5.0, 1.0);
 }

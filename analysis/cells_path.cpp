@@ -1,22 +1,31 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/analysis/internal/judge.hpp"
+#include "efree/analysis/internal/grid_search.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/analysis/internal/paths.hpp"
-#include "efree/analysis/internal/told_errors.hpp"
 #include "efree/assembly/bodies.hpp"
-#include "efree/core/error.hpp"
-#include "efree/core/internal/clock.hpp"
-#include "efree/core/memory.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace efree::internal {
 namespace {
+
+/// The sides of the image's frame that parts of the boundary are, by the names of these that are no sides: a selection
+/// that covers a side is that side.
+template <int Dim>
+std::map<std::string, std::string> side_names(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+  std::map<std::string, std::string> names;
+  for (const auto& part : boundaries(settings)) {
+    if (is_side(part.name)) continue;
+    const auto& facets = mesh.group(part.name);
+    for (const auto& group : mesh.groups())
+      if (is_side(group.name) && std::ranges::equal(group.facets, facets)) names[part.name] = group.name;
+  }
+  return names;
+}
 
 /// Why an analysis cannot be solved on cells; empty if it can.
 template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {
@@ -40,8 +49,10 @@ template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, c
   model.regions = mesh.materials;
   if (incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::mls))
     return "a material is nearly incompressible";
+  const auto names = side_names(settings, *mesh.mesh);
   for (const auto& group : boundaries(settings))
-    if (!is_side(group.name)) return fmt::format("\"{}\" is not a side of the image", group.name);
+    if (!is_side(group.name) && !names.contains(group.name))
+      return fmt::format("\"{}\" is not a side of the image", group.name);
   return "";
 }
 
@@ -66,58 +77,22 @@ void answer_on_cells(const Settings<3>& settings, const PreparedMesh<3>& mesh, R
     else
       of_label[label] = material->material;
   }
-  const Stopwatch seconds;
-  const bool fixed = mesh.size_is_said, asked = settings.asks_for_accuracy();
   result.approximation.space = space;
   // Fields at the vertices of the mesh, which only carries them, and the errors of what is asked for.
   const auto tell = [&] {
     const Stage stage("output", monitor);
     result.fields = recover_fields(*result.cells, *mesh.image, *mesh.mesh, region_of_label, mesh.materials);
-    tell_errors_on_cells(settings, result);
+    read_off<3>(settings, result.basis().space, result);
+    tell_errors_on_cells(settings, *result.cells, result);
   };
-  std::string why = fixed ? mesh_is_said : "";
-  for (double size = mesh.size;; size *= 0.5) {
-    const double begin = seconds();
-    try {
-      result.cells = solve_on_cells(*mesh.image, of_label, settings.supports, settings.loads,
-                                    {.size = size, .half_voxel = true}, monitor);
-    } catch (const NumericalError& failure) {
-      if (!result.cells) throw;
-      why = fmt::format("a finer grid fails: {}", failure.what());
-      break;
-    }
-    const CellLevel& finest = result.cells->finest();
-    const double error = std::hypot(finest.iteration_error, result.cells->grid_error), spent = seconds() - begin;
-    result.solution.strain_energy = finest.strain_energy;
-    result.estimates = {.cloud = finest.iteration_error,
-                        .uncorrected = finest.iteration_error,
-                        .mesh = result.cells->grid_error,
-                        .corrections = finest.iterations};
-    if (!settings.goals.empty()) tell();
-    const double missed = missed_goals(settings, result);
-    result.attempts.push_back({size, finest.cells, 1, error, spent,
-                               std::max(missed, settings.accuracy > 0.0 ? error / settings.accuracy : 0.0)});
-    if (error <= bearable_error(settings) && missed <= 1.0) {
-      why.clear();
-      break;
-    }
-    // Below its voxels an image says no more: only an answer that would be none is worth the time.
-    const double least = (error < settings.largest_error ? 1.0 : 0.5) * mesh.image->spacing.minCoeff();
-    if (fixed || (!asked && size < 1.99 * least)) break;
-    double points = 8.0;
-    for (const Index n : result.cells->grid.cubes) points *= n + 1.0;
-    if (cell_memory * points > 0.5 * available_memory()) {
-      why = "a finer grid would take more memory than there is";
-      break;
-    }
-    if (seconds() + 9.0 * spent > settings.time_limit) {
-      why = fmt::format("a finer grid would take about {:.3g} s, and the time limit is {:.3g} s", 9.0 * spent,
-                        settings.time_limit);
-      break;
-    }
-  }
-  if (asked && !why.empty()) warn_of_misses(settings, why, result);
-  if (settings.goals.empty()) tell();
+  const auto take = [&](std::vector<CellSolution> solutions) {
+    result.cells = std::move(solutions.front());
+    result.solution.strain_energy = result.cells->finest().strain_energy;
+    result.estimates = estimates_on_cells(*result.cells);
+  };
+  search_grid(settings,
+              {*mesh.image, of_label, side_names(settings, *mesh.mesh), {settings.loads}, mesh.size, mesh.size_is_said},
+              take, tell, result, monitor);
 }
 
 template <int Dim> bool is_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {

@@ -144,7 +144,7 @@ template <int Dim> void correct(const Settings<Dim>& settings, Result<Dim>& resu
   bool finer = may_be_finer;
   if (finer && result.estimates->total() <= bearable) {
     if (!settings.goals.empty()) tell();
-    finer = missed_goals(settings, result) > 1.0;
+    finer = missed_goals<Dim>(settings, result) > 1.0;
     if (!finer && !settings.goals.empty()) return;  // no cases where there are goals
   }
   // One case that needs them is enough.

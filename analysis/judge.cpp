@@ -37,16 +37,23 @@ template <int Dim> double bearable_error(const Settings<Dim>& settings) {
   return settings.accuracy > 0.0 ? settings.accuracy : doubtful;
 }
 
-template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result) {
-  if (settings.accuracy > 0.0 && result.estimates->total() > settings.accuracy)
-    result.warnings.push_back(not_reached(settings, result.estimates->total(), why));
+template <int Dim>
+std::vector<std::string> misses(const Settings<Dim>& settings, const std::string& why, const Answer<Dim>& answer) {
+  std::vector<std::string> all;
+  if (settings.accuracy > 0.0 && answer.estimates->total() > settings.accuracy)
+    all.push_back(not_reached(settings, answer.estimates->total(), why));
   for (const auto& goal : settings.goals) {
-    const double error = relative_error_of(goal, result);
+    const double error = relative_error_of<Dim>(goal, answer);
     if (error <= goal.error) continue;
-    result.warnings.push_back(
-        fmt::format("an error of {:.2g} % of the {} \"{}\" was asked for, {:.2g} % is reached: {}", 100.0 * goal.error,
-                    goal.of == Goal::Of::probe ? "probe" : "reaction", goal.name, 100.0 * error, why));
+    all.push_back(fmt::format("an error of {:.2g} % of the {} \"{}\" was asked for, {:.2g} % is reached: {}",
+                              100.0 * goal.error, goal.of == Goal::Of::probe ? "probe" : "reaction", goal.name,
+                              100.0 * error, why));
   }
+  return all;
+}
+
+template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result) {
+  for (std::string& miss : misses<Dim>(settings, why, result)) result.warnings.push_back(std::move(miss));
 }
 
 template <int Dim> double aim(const Settings<Dim>& settings) {
@@ -61,7 +68,7 @@ template <int Dim> double tolerance_of(const Settings<Dim>& settings) {
 
 template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim>& result) {
   const double energy = settings.accuracy > 0.0 ? result.estimates->total() / aim(settings) : 0.0;
-  return std::max(energy, missed_goals(settings, result));
+  return std::max(energy, missed_goals<Dim>(settings, result));
 }
 
 /// What else helps where elements are linear.
@@ -113,16 +120,33 @@ template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& r
                     errors.until));
 }
 
+/// Warns of an error in the energy norm, or refuses an answer with it.
+template <int Dim> void judge_error(const Settings<Dim>& settings, double error, const std::string& what,
+                                    std::vector<std::string>& warnings, std::string& refusal) {
+  if (error < settings.largest_error)
+    warnings.push_back(fmt::format("in the energy norm {}", what));
+  else
+    refusal = fmt::format("in the energy norm {}; to accept it say analysis.largest_error = {:.2g}", what, 1.1 * error);
+}
+
+void judge_grid(const Settings<3>& settings, const Estimates& errors, std::vector<std::string>& warnings,
+                std::string& refusal) {
+  if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
+  judge_error(settings, errors.total(),
+              fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh),
+              warnings, refusal);
+}
+
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
   judge_more(settings, result);
   judge_path(settings, result);
   if (!result.estimates || !result.refusal.empty()) return;
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
+  if constexpr (Dim == 3)
+    if (result.cells) return judge_grid(settings, errors, result.warnings, result.refusal);
   const std::string what =
-      result.cells
-          ? fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh)
-      : errors.geometry > std::max(errors.mesh, errors.cloud)
+      errors.geometry > std::max(errors.mesh, errors.cloud)
           ? fmt::format("the facets of the boundary leave an error of about {:.2g} %: use a smaller mesh_size",
                         100.0 * errors.geometry)
       : errors.cloud > errors.mesh
@@ -132,15 +156,12 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
                 100.0 * errors.cloud)
           : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
                         100.0 * errors.mesh, or_quadratic(settings, result));
-  if (errors.total() < settings.largest_error)
-    result.warnings.push_back(fmt::format("in the energy norm {}", what));
-  else
-    result.refusal = fmt::format("in the energy norm {}; to accept it say analysis.largest_error = {:.2g}", what,
-                                 1.1 * errors.total());
+  judge_error(settings, errors.total(), what, result.warnings, result.refusal);
 }
 
 template std::vector<std::string> doubts<2>(const ApproximationOptions&, const Approximation<2>&);
 template double bearable_error<2>(const Settings<2>&);
+template std::vector<std::string> misses<3>(const Settings<3>&, const std::string&, const Answer<3>&);
 template void warn_of_misses<2>(const Settings<2>&, const std::string&, Result<2>&);
 template double aim<2>(const Settings<2>&);
 template double tolerance_of<2>(const Settings<2>&);

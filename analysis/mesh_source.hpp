@@ -35,6 +35,14 @@ template <int Dim> struct MadeMesh {
   bool smooth = false;
 };
 
+/// An image as it is analysed without a mesh, and what was found while it was read.
+template <int Dim> struct MadeImage {
+  LabelImage<Dim> image;
+  std::map<Label, std::string> region_of_label{};  ///< names of regions
+  std::vector<std::pair<std::string, Reported>> reports{};
+  std::vector<std::string> remarks{}, warnings{};
+};
+
 /// How fine a mesh should be.
 struct MeshSize {
   double length = 0.0;      ///< longest edge; 0: what is natural for the geometry, or the file's own sizes
@@ -60,6 +68,8 @@ template <int Dim> struct MeshSource {
   /// Reads or makes the mesh, as part of a stage: where it takes long it ticks, and so can be cancelled. Throws as the
   /// readers do.
   std::function<MadeMesh<Dim>(const MeshSize& size, const Stage& stage)> mesh;
+  /// Of images that a lattice would be cut out of: the image alone. Throws as `mesh`. Empty: there is none.
+  std::function<MadeImage<Dim>(const Stage& stage)> image{};
   double size = 0.0;                 ///< [length]; 0: `ratio` says it, or it is open
   double coarsening = 1.0;           ///< of the natural size, where it is open
   double sagitta = 0.0;              ///< as of MeshSize

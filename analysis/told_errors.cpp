@@ -145,11 +145,9 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
   }
 }
 
-void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
-  read_off<3>(settings, result.basis().space, result);
-  result.probe_errors.clear();
-  result.reactions.clear();
-  const CellSolution& cells = *result.cells;
+void tell_errors_on_cells(const Settings<3>& settings, const CellSolution& cells, Answer<3>& answer) {
+  answer.probe_errors.clear();
+  answer.reactions.clear();
   const std::size_t grids = std::min<std::size_t>(3, cells.levels.size());
   const double iterations = cells.finest().iteration_error;
   const auto error_at = [&](const Vec<3>& x) -> Vec<3> {
@@ -158,19 +156,19 @@ void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result) {
     return left_by_grids(values).array() + iterations * values[0].norm();
   };
   for (std::size_t k = 0; k < settings.probes.size(); ++k) {
-    auto& [name, values] = result.probes[k];
+    auto& [name, values] = answer.probes[k];
     values.displacement = displacement_at(cells, 0, settings.probes[k].at);
-    result.probe_errors[name] = error_at(settings.probes[k].at);
+    answer.probe_errors[name] = error_at(settings.probes[k].at);
   }
   for (const auto& reaction : settings.reactions) {
     std::vector<Vec<3>> forces;
     for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on).force);
-    result.reactions.push_back(
+    answer.reactions.push_back(
         {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
   }
-  for (auto& extreme : result.extremes)
+  for (auto& extreme : answer.extremes)
     if (extreme.of == "displacement" && settings.largest_displacement) {
-      const Vec<3> along = result.fields.displacement.col(extreme.place) / std::max(extreme.value, 1e-300);
+      const Vec<3> along = displacement_at(cells, 0, extreme.at) / std::max(extreme.value, 1e-300);
       extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
     }
 }
@@ -185,34 +183,34 @@ template <int Dim> Vector error_density(const Result<Dim>& result, const Vector&
   return density;
 }
 
-template <int Dim> double relative_error_of(const Goal& goal, const Result<Dim>& result) {
+template <int Dim> double relative_error_of(const Goal& goal, const Answer<Dim>& answer) {
   if (goal.of == Goal::Of::reaction) {
-    for (const auto& reaction : result.reactions)
+    for (const auto& reaction : answer.reactions)
       if (reaction.name == goal.name) return relative_error<Dim>(reaction.force, reaction.error);
-  } else if (const auto error = result.probe_errors.find(goal.name); error != result.probe_errors.end()) {
-    for (const auto& [name, values] : result.probes)
+  } else if (const auto error = answer.probe_errors.find(goal.name); error != answer.probe_errors.end()) {
+    for (const auto& [name, values] : answer.probes)
       if (name == goal.name) return relative_error<Dim>(values.displacement, error->second);
   }
   return 1.0;
 }
 
-template <int Dim> double missed_goals(const Settings<Dim>& settings, const Result<Dim>& result) {
+template <int Dim> double missed_goals(const Settings<Dim>& settings, const Answer<Dim>& answer) {
   double worst = 0.0;
-  for (const auto& goal : settings.goals) worst = std::max(worst, relative_error_of(goal, result) / goal.error);
+  for (const auto& goal : settings.goals) worst = std::max(worst, relative_error_of(goal, answer) / goal.error);
   return std::sqrt(worst);
 }
 
 template bool asks_for_errors<2>(const Settings<2>&);
 template bool asks_for_errors<3>(const Settings<3>&);
-template double relative_error_of<2>(const Goal&, const Result<2>&);
+template double relative_error_of<2>(const Goal&, const Answer<2>&);
 template void read_off<2>(const Settings<2>&, const FineSpace<2>&, Answer<2>&);
-template double relative_error_of<3>(const Goal&, const Result<3>&);
+template double relative_error_of<3>(const Goal&, const Answer<3>&);
 template void read_off<3>(const Settings<3>&, const FineSpace<3>&, Answer<3>&);
 template void tell_errors<2>(const Settings<2>&, const Reference<2>&, Result<2>&, const Monitor&);
 template void tell_errors<3>(const Settings<3>&, const Reference<3>&, Result<3>&, const Monitor&);
 template Vector error_density<2>(const Result<2>&, const Vector&);
 template Vector error_density<3>(const Result<3>&, const Vector&);
-template double missed_goals<2>(const Settings<2>&, const Result<2>&);
-template double missed_goals<3>(const Settings<3>&, const Result<3>&);
+template double missed_goals<2>(const Settings<2>&, const Answer<2>&);
+template double missed_goals<3>(const Settings<3>&, const Answer<3>&);
 
 }  // namespace efree::internal

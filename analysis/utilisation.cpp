@@ -90,6 +90,21 @@ template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const Comm
   return result;
 }
 
+std::vector<Utilisation<3>> largest_utilisations(const CommonSettings<3>& settings,
+                                                 const std::vector<std::string>& regions, const CellFields& fields) {
+  std::vector<Utilisation<3>> result;
+  for (std::size_t r = 0; r < regions.size(); ++r) {
+    const Strength strength = strength_of(settings, regions[r]);
+    const RegionStresses& stresses = fields.regions[r];
+    if (strength.yield > 0.0)
+      result.push_back({regions[r], "yield", stresses.von_mises.most / strength.yield, stresses.von_mises.most_at});
+    if (strength.ultimate > 0.0)
+      result.push_back(
+          {regions[r], "ultimate", std::max(stresses.first.most / strength.ultimate, 0.0), stresses.first.most_at});
+  }
+  return result;
+}
+
 template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const Tensors sigma = dynamics.cauchy_stress();

@@ -4,6 +4,7 @@
 
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/result.hpp"
+#include "efree/solvers/cells/cell_fields.hpp"
 
 #include <string>
 #include <vector>
@@ -33,6 +34,9 @@ template <int Dim> Vector utilisation_at_places(const CommonSettings<Dim>& setti
 template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const CommonSettings<Dim>& settings,
                                                                       const FineSpace<Dim>& space,
                                                                       const Fields<Dim>& fields);
+/// Likewise of the regions of an image, by these names.
+std::vector<Utilisation<3>> largest_utilisations(const CommonSettings<3>& settings,
+                                                 const std::vector<std::string>& regions, const CellFields& fields);
 /// Likewise of the bodies, now.
 template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const DynamicsModel<Dim>& model);
 

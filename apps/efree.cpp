@@ -108,6 +108,11 @@ template <int Dim> void compare(const Case<Dim>&, const Options& options, Displa
       options.case_file));
 }
 
+void compare(const EffectiveCase&, const Options& options, Display&) {
+  throw InputError(fmt::format(
+      "{}: methods of explicit dynamics are compared, and this case is of effective properties", options.case_file));
+}
+
 /// 0.02 or 2%; 0 if it is no such number.
 double accuracy_of(std::string text) {
   const bool percent = text.ends_with('%');
@@ -130,6 +135,15 @@ template <int Dim> DynamicsCase<Dim> with_options(DynamicsCase<Dim> dynamics_cas
     throw InputError(fmt::format("{}: --accuracy means nothing in explicit dynamics: leave it out", options.case_file));
   if (options.time_limit > 0.0) dynamics_case.time_limit = options.time_limit;
   return dynamics_case;
+}
+
+EffectiveCase with_options(EffectiveCase analysis, const Options& options) {
+  if (!options.accuracy.empty() || options.time_limit > 0.0)
+    throw InputError(
+        fmt::format("{}: --accuracy and --time-limit mean nothing for effective properties, whose error is reported: "
+                    "take a smaller mesh_size",
+                    options.case_file));
+  return analysis;
 }
 
 /// Whether all of a text is a finite number above that.
@@ -169,7 +183,8 @@ int run(int argc, char** argv) {
   app.require_subcommand(1);
   Options options;
   CLI::App& solve_command = *app.add_subcommand(
-      "solve", "solve a case, static or of explicit dynamics; writes result.json, fields and pictures");
+      "solve",
+      "solve a case, static, of explicit dynamics or of effective properties; writes result.json, fields and pictures");
   solve_command.alias("run");
   add_common(solve_command, options);
   solve_command.add_flag("--no-picture", options.run.no_picture, "draw no pictures");

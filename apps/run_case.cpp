@@ -4,11 +4,14 @@
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/output_directory.hpp"
+#include "efree/io/pictures/effective_chart.hpp"
 #include "efree/io/pictures/history_chart.hpp"
 #include "efree/io/pictures/picture.hpp"
 #include "efree/io/records/dynamics_report.hpp"
 #include "efree/io/records/dynamics_run.hpp"
+#include "efree/io/records/effective_report.hpp"
 #include "efree/io/records/history.hpp"
+#include "efree/io/records/image_record.hpp"
 #include "efree/io/records/path_record.hpp"
 #include "efree/io/records/static_report.hpp"
 #include "efree/io/records/writers.hpp"
@@ -19,6 +22,7 @@
 #include <chrono>
 #include <future>
 #include <new>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -110,7 +114,7 @@ template <int Dim> class StaticRun final : public CaseRun {
   void write(Result<Dim>& result, OutputDirectory& out, const Monitor& monitor) const {
     {
       const Stage stage("output", monitor.timing(result.times));
-      for (const char* picture : {"fields.png", "error.png", "history.png"}) out.supersede(picture);
+      for (const char* other : {"fields.png", "error.png", "history.png", "fields.vti"}) out.supersede(other);
       const auto draw = [&] {
         draw_fields(out.file("fields.png"), case_, result);
         if (result.error_density.size() > 0) draw_error(out.file("error.png"), case_, result);
@@ -134,6 +138,46 @@ template <int Dim> class StaticRun final : public CaseRun {
   Case<Dim> case_;
   const RunOptions& options_;
   PathRecord<Dim> record_;
+};
+
+/// An image on the grid of its voxels. What takes a mesh is left to a StaticRun.
+class ImageRun final : public CaseRun {
+ public:
+  ImageRun(const Case<3>& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
+
+  const std::string& title() const override { return case_.common.title; }
+  std::vector<std::string> stages() const override { return {"image", "assembly", "solve", "output"}; }
+  bool stops_at_steps() const override { return false; }
+  bool has_few_steps() const override { return true; }
+
+  RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
+    std::optional<ImageResult> result = analyse_image(case_.geometry, case_, monitor);
+    if (!result) {
+      takes_mesh_ = true;
+      return {};
+    }
+    for (const std::string& line : describe_result(case_, *result)) monitor.say(line);
+    say_warnings(result->warnings, display);
+    {
+      const Stage stage("output", monitor.timing(result->times));
+      for (const char* other : {"fields.png", "error.png", "history.png", "history.csv", "fields.vtu", "nodes.vtu"})
+        out.supersede(other);
+      if (!options_.no_picture) draw_fields(out.file("fields.png"), case_, *result);
+      write_fields(out.file("fields.vti"), case_, *result);
+    }
+    write_result(out.file("result.json"), case_, *result);
+    return {.failure = result->refusal, .rejected_by = result->refusal.empty() ? "" : "solve", .has_results = true};
+  }
+  bool save(OutputDirectory&) override { return false; }
+  bool can_resume() const override { return false; }
+  void remove_unfinished() override {}
+  /// Whether there was nothing that it could do.
+  bool takes_mesh() const { return takes_mesh_; }
+
+ private:
+  const Case<3>& case_;
+  const RunOptions& options_;
+  bool takes_mesh_ = false;
 };
 
 template <int Dim> class ExplicitRun final : public CaseRun {
@@ -193,6 +237,34 @@ template <int Dim> class ExplicitRun final : public CaseRun {
   const DynamicsCase<Dim>& case_;
   const RunOptions& options_;
   DynamicsRun<Dim> record_;
+};
+
+class EffectiveRun final : public CaseRun {
+ public:
+  EffectiveRun(const EffectiveCase& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
+
+  const std::string& title() const override { return case_.common.title; }
+  std::vector<std::string> stages() const override { return {"image", "solve", "subvolumes"}; }
+  bool stops_at_steps() const override { return false; }
+  bool has_few_steps() const override { return true; }
+
+  RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
+    if (options_.resume) throw InputError("--resume means nothing for effective properties: leave it out");
+    const EffectiveResult result = find_effective(case_, monitor);
+    for (const std::string& line : describe_effective(case_, result)) monitor.say(line);
+    say_warnings(result.warnings, display);
+    if (!options_.no_picture)
+      if (const std::string none = draw_directions(out, case_, result); !none.empty()) monitor.say(none);
+    write_effective_result(out.file("result.json"), case_, result);
+    return {.has_results = true};
+  }
+  bool save(OutputDirectory&) override { return false; }
+  bool can_resume() const override { return false; }
+  void remove_unfinished() override {}
+
+ private:
+  const EffectiveCase& case_;
+  const RunOptions& options_;
 };
 
 /// Has the run stop at its next step when a signal ends the program, and waits for that.
@@ -265,17 +337,27 @@ void run_into_directory(CaseRun& run, const RunOptions& options, Display& displa
         fmt::format("{}{}{}", end.rejected_by.empty() ? stage + " failed: " : "", end.failure,
                     results == "none" ? "" : fmt::format("; the results in {} are {}{}", options.out, results, state)));
   }
-  if (!options.quiet) display.say(fmt::format("results in {}", options.out));
+  if (end.has_results && !options.quiet) display.say(fmt::format("results in {}", options.out));
 }
 
 }  // namespace
 
 template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
+  if constexpr (Dim == 3)
+    if (!options.resume && !analysis.with_mesh && why_image_takes_mesh(analysis.geometry, analysis).empty()) {
+      ImageRun run(analysis, options);
+      run_into_directory(run, options, display);
+      if (!run.takes_mesh()) return;
+    }
   StaticRun<Dim> run(std::move(analysis), options);
   run_into_directory(run, options, display);
 }
 template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display) {
   ExplicitRun<Dim> run(dynamics_case, options);
+  run_into_directory(run, options, display);
+}
+void run_case(const EffectiveCase& analysis, const RunOptions& options, Display& display) {
+  EffectiveRun run(analysis, options);
   run_into_directory(run, options, display);
 }
 

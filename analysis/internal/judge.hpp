@@ -20,7 +20,10 @@ std::vector<std::string> doubts(const ApproximationOptions& options, const Appro
 template <int Dim> double bearable_error(const Settings<Dim>& settings);
 /// Relative error of a value of a load path (PathErrors::largest) from which on it is doubtful.
 inline constexpr double bearable_error_of_path = 0.05;
-/// The warnings that errors which were asked for are not reached.
+/// The warnings that errors which were asked for are not reached, because of `why`.
+template <int Dim>
+std::vector<std::string> misses(const Settings<Dim>& settings, const std::string& why, const Answer<Dim>& answer);
+/// Adds them to those of the result.
 template <int Dim> void warn_of_misses(const Settings<Dim>& settings, const std::string& why, Result<Dim>& result);
 /// Estimated error from which on nothing more is done: recovery overlooks up to a quarter of the error at corners.
 template <int Dim> double aim(const Settings<Dim>& settings);
@@ -28,6 +31,9 @@ template <int Dim> double aim(const Settings<Dim>& settings);
 template <int Dim> double tolerance_of(const Settings<Dim>& settings);
 /// Error over what is aimed at, the largest of all that was asked for (see Attempt).
 template <int Dim> double excess(const Settings<Dim>& settings, const Result<Dim>& result);
+/// The same of an answer on cells alone: adds to the warnings, or is the refusal.
+void judge_grid(const Settings<3>& settings, const Estimates& errors, std::vector<std::string>& warnings,
+                std::string& refusal);
 /// Doubts about an answer that is far from the truth, or, beyond what the settings bear, a refusal.
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result);
 

@@ -34,18 +34,18 @@ template <int Dim> void read_off(const Settings<Dim>& settings, const FineSpace<
 /// displacement each has its own. The displacements are those of the answers' fields.
 template <int Dim> void tell_errors(const Settings<Dim>& settings, const Reference<Dim>& reference, Result<Dim>& result,
                                     const Monitor& monitor);
-/// The same on cells, from what the three finest grids have.
-void tell_errors_on_cells(const Settings<3>& settings, Result<3>& result);
+/// The same on cells, from what the three finest grids have; probes and extremes are in the answer.
+void tell_errors_on_cells(const Settings<3>& settings, const CellSolution& cells, Answer<3>& answer);
 
 /// By cell of the fine mesh: distance between recovered stress and that of the displacement, in the energy norm,
 /// relative to the mean energy density of the body. `squares`: by cell, of that distance [force * length].
 template <int Dim> Vector error_density(const Result<Dim>& result, const Vector& squares);
 
 /// Error of a probe or reaction relative to its size; 1 if it is not known.
-template <int Dim> double relative_error_of(const Goal& goal, const Result<Dim>& result);
+template <int Dim> double relative_error_of(const Goal& goal, const Answer<Dim>& answer);
 
 /// By how much the goals are missed: the largest of their errors relative to what is wanted, as a root, since
 /// such errors behave like squares of those in the energy norm. 0 without goals.
-template <int Dim> double missed_goals(const Settings<Dim>& settings, const Result<Dim>& result);
+template <int Dim> double missed_goals(const Settings<Dim>& settings, const Answer<Dim>& answer);
 
 }  // namespace efree::internal

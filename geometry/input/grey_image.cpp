@@ -19,12 +19,13 @@ template <int Dim> ScalarField<Dim> grey_value(GreyImage<Dim> image) {
                                  image.values.size(), fmt::join(image.size, " x "), fmt::join(image.spacing, ", ")));
   return [shared = std::make_shared<const GreyImage<Dim>>(std::move(image))](const Vec<Dim>& x) {
     const GreyImage<Dim>& grey = *shared;
+    const Vec<Dim> along = grey.axes.transpose() * (x - grey.origin);
     std::array<std::size_t, Dim> lower, step;  // to the pixel before, and from it to the next, in the order of values
     std::array<double, Dim> share;             // of the next
     std::size_t stride = 1;
     for (int d = 0; d < Dim; stride *= grey.size[d++]) {
       const double last = grey.size[d] - 1;
-      const double at = std::clamp((x[d] - grey.origin[d]) / grey.spacing[d] - 0.5, 0.0, last);
+      const double at = std::clamp(along[d] / grey.spacing[d] - 0.5, 0.0, last);
       const auto before = static_cast<Index>(at);
       lower[d] = before * stride;
       step[d] = before < grey.size[d] - 1 ? stride : 0;

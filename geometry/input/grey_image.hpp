@@ -11,10 +11,11 @@ namespace efree {
 
 /// What the pixels of a LabelImage were before they were sorted into labels; pixels lie as there.
 template <int Dim> struct GreyImage {
-  std::array<Index, Dim> size{};        ///< pixels along x, y(, z)
-  Vec<Dim> spacing = Vec<Dim>::Ones();  ///< edge lengths of a pixel [length]
-  Vec<Dim> origin = Vec<Dim>::Zero();   ///< corner of the first pixel, not its centre [length]
-  std::vector<float> values{};          ///< by i + size[0] * (j + size[1] * k)
+  std::array<Index, Dim> size{};         ///< pixels along x, y(, z)
+  Vec<Dim> spacing = Vec<Dim>::Ones();   ///< edge lengths of a pixel [length]
+  Vec<Dim> origin = Vec<Dim>::Zero();    ///< corner of the first pixel, not its centre [length]
+  Mat<Dim> axes = Mat<Dim>::Identity();  ///< as of a LabelImage
+  std::vector<float> values{};           ///< by i + size[0] * (j + size[1] * k)
 };
 
 /// The grey value at a point: linear between the centres of pixels along each axis, constant beyond the outermost of

@@ -13,6 +13,7 @@ namespace efree::internal {
 
 template <int Dim> PixelValues read_pixels(const std::string& path, const ImageOptions<Dim>& options) {
   std::error_code error;
+  if (Dim == 3 && is_slices(path)) return read_slices(path);
   if (!std::filesystem::exists(path, error)) throw InputError(fmt::format("{}: there is no such file", path));
   if (!std::filesystem::is_regular_file(path, error)) throw InputError(fmt::format("{}: it is no file", path));
   if (std::filesystem::file_size(path) == 0) throw InputError(fmt::format("{}: it is empty", path));
@@ -54,13 +55,17 @@ template <int Dim> PixelValues read_pixels(const std::string& path, const ImageO
     expect(head.find("NDims") != std::string::npos, "MetaImage");
     return read_meta_image(path, head);
   }
+  if (ends(".nii", ".nii.gz")) {
+    expect(starts("\x1f\x8b") || head.find("n+1") == 344 || head.find("n+2") == 4, "NIfTI");
+    return read_nifti(path);
+  }
   if (ends(".inr", ".inr.gz")) {
     expect(starts("#INRIMAGE-4#{") || starts("\x1f\x8b"), "INR");
     return read_inr(path);
   }
   throw InputError(
       fmt::format("{}: unknown ending, images end with .png, .tif, .tiff, .pgm, .pbm, .ppm, .pnm, .nrrd, "
-                  ".nhdr, .mha, .mhd, .inr, .inr.gz or .raw",
+                  ".nhdr, .mha, .mhd, .nii, .nii.gz, .inr, .inr.gz or .raw",
                   path));
 }
 

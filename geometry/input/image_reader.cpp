@@ -2,8 +2,8 @@
 #include "efree/geometry/input/image_reader.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/geometry/input/internal/image_frame.hpp"
 #include "efree/geometry/input/internal/pixel_values.hpp"
-#include "efree/geometry/mesh/internal/extent.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace efree {
 
-using internal::PixelValues, internal::read_pixels, internal::require_grey, internal::with_type;
+using internal::ImageFrame, internal::PixelValues, internal::read_pixels, internal::require_grey, internal::with_type;
 
 namespace {
 
@@ -62,59 +62,27 @@ template <int Dim> PixelValues read_checked(const std::string& path, const Image
   PixelValues v = read_pixels<Dim>(path, options);
   if (Dim == 2 && v.size[2] != 1)
     throw InputError(fmt::format("{}: it has {} layers, expected a plane image", path, v.size[2]));
-  if (Dim == 3 && v.size[2] == 1)
+  if (Dim == 3 && v.size[2] == 1 && !options.raw)
     throw InputError(fmt::format("{}: it has a single layer, expected an image of three dimensions", path));
   return v;
 }
 
-/// An image of this size, in this place.
-template <class Image, int Dim>
-Image frame_of(const std::string& path, const PixelValues& v, const ImageOptions<Dim>& options) {
-  Image image;
-  for (int d = 0; d < Dim; ++d) {
-    image.size[d] = v.size[d];
-    image.spacing[d] = options.spacing.empty() ? v.spacing[d] : options.spacing[options.spacing.size() == 1 ? 0 : d];
-    // The origin is a length as well, but not one in pixels: a spacing that is given leaves it.
-    image.origin[d] = v.origin[d];
-    if (!(image.spacing[d] > 0.0))
-      throw InputError(fmt::format(
-          "{}: the spacing of its pixels along {} is {}, expected a positive length ([geometry.image] spacing says "
-          "another one)",
-          path, "xyz"[d], image.spacing[d]));
-  }
-  Vec<Dim> extent = image.spacing;
-  for (int d = 0; d < Dim; ++d) extent[d] *= image.size[d];
-  internal::require_extent<Dim>(image.origin, image.origin + extent, path);
-  return image;
-}
-
-/// y points up.
-template <class T> void flip(const PixelValues& v, std::vector<T>& values) {
-  if (!v.top_first) return;
-  for (Index k = 0; k < v.size[2]; ++k)
-    for (Index j = 0; j < v.size[1] / 2; ++j) {
-      const auto row = [&](Index of) {
-        return values.begin() + (static_cast<std::ptrdiff_t>(k) * v.size[1] + of) * v.size[0];
-      };
-      std::swap_ranges(row(j), row(j) + v.size[0], row(v.size[1] - 1 - j));
-    }
-}
-
 }  // namespace
 
-template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options) {
+template <int Dim> ImageFile<Dim> read_image_file(const std::string& path, const ImageOptions<Dim>& options) {
   if (options.threshold && !std::isfinite(*options.threshold))
     throw InputError(fmt::format("{}: the threshold is {}", path, *options.threshold));
   const PixelValues v = read_checked<Dim>(path, options);
-  auto image = frame_of<LabelImage<Dim>>(path, v, options);
+  const ImageFrame<Dim> frame(path, v, options);
+  auto image = frame.template empty<LabelImage<Dim>>();
   with_type(path, v.type, [&](auto value) {
     image.labels = classify<Dim, decltype(value)>(path, v, options);
     if (options.threshold)
       image.grey =
           distances_from_threshold(static_cast<const decltype(value)*>(v.data()), v.components, options, image.labels);
   });
-  flip(v, image.labels);
-  if (options.threshold) flip(v, image.grey);
+  frame.put_in_order(image.labels);
+  if (options.threshold) frame.put_in_order(image.grey);
   if (!options.threshold)
     for (Label& label : image.labels)
       if (std::find(options.background.begin(), options.background.end(), label) != options.background.end()) label = 0;
@@ -126,12 +94,17 @@ template <int Dim> LabelImage<Dim> read_image(const std::string& path, const Ima
         fmt::format("{}: it has {} different values and looks like a grey image: give a threshold (or allow "
                     "that many labels)",
                     path, counts.size()));
-  return image;
+  return {std::move(image), frame.remarks(), v.doubts};
+}
+
+template <int Dim> LabelImage<Dim> read_image(const std::string& path, const ImageOptions<Dim>& options) {
+  return read_image_file<Dim>(path, options).image;
 }
 
 template <int Dim> GreyImage<Dim> read_grey_image(const std::string& path, const ImageOptions<Dim>& options) {
   const PixelValues v = read_checked<Dim>(path, options);
-  auto image = frame_of<GreyImage<Dim>>(path, v, options);
+  const ImageFrame<Dim> frame(path, v, options);
+  auto image = frame.template empty<GreyImage<Dim>>();
   with_type(path, v.type, [&](auto value) {
     using T = decltype(value);
     const T* values = static_cast<const T*>(v.data());
@@ -140,10 +113,12 @@ template <int Dim> GreyImage<Dim> read_grey_image(const std::string& path, const
     for (std::size_t p = 0; p < image.values.size(); ++p)
       image.values[p] = static_cast<float>(values[p * v.components]);
   });
-  flip(v, image.values);
+  frame.put_in_order(image.values);
   return image;
 }
 
+template ImageFile<2> read_image_file<2>(const std::string&, const ImageOptions<2>&);
+template ImageFile<3> read_image_file<3>(const std::string&, const ImageOptions<3>&);
 template LabelImage<2> read_image<2>(const std::string&, const ImageOptions<2>&);
 template LabelImage<3> read_image<3>(const std::string&, const ImageOptions<3>&);
 template GreyImage<2> read_grey_image<2>(const std::string&, const ImageOptions<2>&);

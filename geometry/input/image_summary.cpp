@@ -21,7 +21,15 @@ template <int Dim> class Pixels {
   Vec<Dim> corner(const std::array<Index, Dim>& at) const {
     Vec<Dim> x;
     for (int d = 0; d < Dim; ++d) x[d] = image_.origin[d] + at[d] * image_.spacing[d];
-    return x;
+    return image_.in_world(x);
+  }
+  /// Makes the box contain a pixel.
+  void extend(BoundingBox<Dim>& box, const std::array<Index, Dim>& at) const {
+    for (int c = 0; c < 1 << Dim; ++c) {
+      auto of = at;
+      for (int d = 0; d < Dim; ++d) of[d] += c >> d & 1;
+      box.extend(corner(of));
+    }
   }
   /// From one pixel to the next in the order of the labels.
   void step(std::array<Index, Dim>& at) const {
@@ -59,7 +67,8 @@ void find_parts(const LabelImage<Dim>& image, const Pixels<Dim>& pixels, ImageSu
     auto& smallest = is_void ? summary.smallest_pore : summary.smallest_body;
     if (smallest && smallest->pixels <= static_cast<std::int64_t>(parts[k].pixels)) continue;
     const Vec<Dim> centre = sum[k] / static_cast<double>(parts[k].pixels);
-    smallest = {static_cast<std::int64_t>(parts[k].pixels), image.origin + centre.cwiseProduct(image.spacing)};
+    smallest = {static_cast<std::int64_t>(parts[k].pixels),
+                image.in_world(image.origin + centre.cwiseProduct(image.spacing))};
   }
 }
 
@@ -108,7 +117,7 @@ template <int Dim> void find_facets(const LabelImage<Dim>& image, const Pixels<D
     GroupSummary<Dim>& part = groups[group];
     part.num_facets += count;
     part.measure += count * measure;
-    part.mean_normal[d] += side * count * measure;
+    part.mean_normal += side * count * measure * image.axes.col(d);
     for (const Vec<Dim>& corner : facet.corners) part.box.extend(corner);
     facets.push_back(std::move(facet));
   }
@@ -134,9 +143,7 @@ template <int Dim> ImageSummary<Dim> summarize_image(const LabelImage<Dim>& imag
   std::array<Index, Dim> at{};
   for (std::size_t pixel = 0; pixel < image.labels.size(); ++pixel, pixels.step(at)) {
     if (image.labels[pixel] == 0) continue;
-    BoundingBox<Dim>& box = summary.labels[number[image.labels[pixel]]].box;
-    const Vec<Dim> low = pixels.corner(at);
-    box.extend(low).extend(low + image.spacing);
+    pixels.extend(summary.labels[number[image.labels[pixel]]].box, at);
   }
   find_parts(image, pixels, summary);
 

@@ -12,6 +12,8 @@ namespace efree {
 
 template <int Dim> void write_image(const LabelImage<Dim>& image, const std::string& path) {
   check_image(image);
+  if (image.is_turned() && path.ends_with(".pgm"))
+    throw InputError(fmt::format("{}: PGM has no place for the axes of an image that is turned, MetaImage does", path));
   const bool pgm = Dim == 2 && path.ends_with(".pgm");
   if (!pgm && !path.ends_with(".mha"))
     throw InputError(fmt::format("{}: images are written as {}", path, Dim == 2 ? ".pgm or .mha" : ".mha"));
@@ -20,12 +22,13 @@ template <int Dim> void write_image(const LabelImage<Dim>& image, const std::str
   if (pgm) {
     file << fmt::format("P5\n{} {}\n{}\n", image.size[0], image.size[1], wide ? 65535 : 255);
   } else {
-    const Vec<Dim> centre = image.origin + 0.5 * image.spacing;
+    const Vec<Dim> centre = image.origin + 0.5 * image.axes * image.spacing;
     file << fmt::format(
         "ObjectType = Image\nNDims = {}\nBinaryData = True\nBinaryDataByteOrderMSB = True\nCompressedData = False\n"
-        "Offset = {}\nElementSpacing = {}\nDimSize = {}\nElementType = {}\nElementDataFile = LOCAL\n",
-        Dim, fmt::join(centre, " "), fmt::join(image.spacing, " "), fmt::join(image.size, " "),
-        wide ? "MET_USHORT" : "MET_UCHAR");
+        "TransformMatrix = {}\nOffset = {}\nElementSpacing = {}\nDimSize = {}\nElementType = {}\nElementDataFile = "
+        "LOCAL\n",
+        Dim, fmt::join(image.axes.reshaped(), " "), fmt::join(centre, " "), fmt::join(image.spacing, " "),
+        fmt::join(image.size, " "), wide ? "MET_USHORT" : "MET_UCHAR");
   }
   const std::size_t width = image.size[0], rows = image.labels.size() / width;
   std::string bytes;

@@ -37,6 +37,7 @@ PixelValues read_inr(const std::string& path) {
       bits;
   if (!numbers || *std::min_element(v.size.begin(), v.size.end()) < 1 || v.components < 1)
     throw InputError(fmt::format("{}: cannot make sense of its header", path));
+  v.spacing_from = "INR VX, VY, VZ";
   const std::string type = setting("TYPE", "unsigned fixed"), cpu = setting("CPU", "decm");
   v.type = fmt::format("{}{}", type.starts_with("float") ? "float" : type.starts_with("signed") ? "int" : "uint", bits);
   with_type(path, v.type, [](auto) {});

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -27,6 +28,8 @@ template <int Dim> void check_image(const LabelImage<Dim>& image) {
         fmt::format("image: the spacing is {}, expected positive lengths", fmt::join(image.spacing, ", ")));
   if (!image.origin.allFinite())
     throw InputError(fmt::format("image: the origin is {}, expected finite numbers", fmt::join(image.origin, ", ")));
+  if (!image.axes.isUnitary(1e-9) || image.axes.determinant() < 0.0)
+    throw InputError("image: its axes are no rotation");
   if (image.grey.empty()) return;
   if (image.grey.size() != pixels)
     throw InputError(
@@ -36,6 +39,29 @@ template <int Dim> void check_image(const LabelImage<Dim>& image) {
         !std::isfinite(grey) || !(image.labels[pixel] != 0 ? grey > 0.0f : grey < 0.0f))
       throw InputError(fmt::format("image: pixel {} has the label {} and the grey value {}, expected a {} one", pixel,
                                    image.labels[pixel], grey, image.labels[pixel] != 0 ? "positive" : "negative"));
+}
+
+template <int Dim> Label label_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach) {
+  const Vec<Dim> u = (image.axes.transpose() * (x - image.origin)).cwiseQuotient(image.spacing);
+  std::array<Index, Dim> low, high;
+  for (int d = 0; d < Dim; ++d) {
+    const auto at = static_cast<Index>(std::clamp(std::floor(u[d]), -1e9, 1e9));
+    low[d] = std::max(0, at - reach);
+    high[d] = std::min(image.size[d] - 1, at + reach);
+    if (low[d] > high[d]) return 0;
+  }
+  Label found = 0;
+  double nearest = std::numeric_limits<double>::infinity();
+  for (std::array<Index, Dim> at = low; at[Dim - 1] <= high[Dim - 1];) {
+    Vec<Dim> way;  // from the point to the pixel
+    for (int d = 0; d < Dim; ++d) way[d] = image.spacing[d] * std::max({0.0, at[d] - u[d], u[d] - at[d] - 1.0});
+    if (const Label label = image.at(at); label != 0 && way.squaredNorm() < nearest) {
+      nearest = way.squaredNorm();
+      found = label;
+    }
+    for (int d = 0; d < Dim && (++at[d] > high[d] && d + 1 < Dim); ++d) at[d] = low[d];
+  }
+  return found;
 }
 
 template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
@@ -149,6 +175,8 @@ template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& 
 
 template void check_image<2>(const LabelImage<2>&);
 template void check_image<3>(const LabelImage<3>&);
+template Label label_near<2>(const LabelImage<2>&, const Vec<2>&, int);
+template Label label_near<3>(const LabelImage<3>&, const Vec<3>&, int);
 template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
 template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
 template ConnectedPixels connected_pixels<2>(const LabelImage<2>&);

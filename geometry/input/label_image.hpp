@@ -13,13 +13,14 @@ namespace efree {
 /// What is in a pixel; 0 is void.
 using Label = std::uint16_t;
 
-/// Pixel (i, j) or voxel (i, j, k) fills the box origin + spacing * [i, i+1] x [j, j+1] (x [k, k+1]); x runs fastest,
-/// y up. Label 0 is void: nothing is there.
+/// Pixel (i, j) or voxel (i, j, k) fills the box origin + axes (spacing * [i, i+1] x [j, j+1] (x [k, k+1])); x runs
+/// fastest, y up. Label 0 is void: nothing is there.
 template <int Dim> struct LabelImage {
-  std::array<Index, Dim> size{};        ///< pixels along x, y(, z)
-  Vec<Dim> spacing = Vec<Dim>::Ones();  ///< edge lengths of a pixel [length]
-  Vec<Dim> origin = Vec<Dim>::Zero();   ///< corner of the first pixel, not its centre [length]
-  std::vector<Label> labels{};          ///< by i + size[0] * (j + size[1] * k)
+  std::array<Index, Dim> size{};         ///< pixels along x, y(, z)
+  Vec<Dim> spacing = Vec<Dim>::Ones();   ///< edge lengths of a pixel [length]
+  Vec<Dim> origin = Vec<Dim>::Zero();    ///< corner of the first pixel, not its centre [length]
+  Mat<Dim> axes = Mat<Dim>::Identity();  ///< columns: directions of the rows of pixels along x, y(, z); a rotation
+  std::vector<Label> labels{};           ///< by i + size[0] * (j + size[1] * k)
   /// Empty, or for every pixel how far its grey value is from the threshold: positive where the label is not 0,
   /// negative where it is. Says more exactly than labels where the boundary is.
   std::vector<float> grey{};
@@ -31,11 +32,18 @@ template <int Dim> struct LabelImage {
   }
   Label at(const std::array<Index, Dim>& pixel) const { return labels[index(pixel)]; }
   double pixel_volume() const { return spacing.prod(); }
+  bool is_turned() const { return !axes.isIdentity(0.0); }
+  /// Where a point y goes when the image, first along the axes of the world, is turned about its origin.
+  Vec<Dim> in_world(const Vec<Dim>& y) const { return is_turned() ? Vec<Dim>(origin + axes * (y - origin)) : y; }
 };
 
-/// Throws InputError unless sizes and spacings are positive and finite, the origin is finite, there is one label to
-/// every pixel, and grey values, if there are any, are finite and of the labels' sign.
+/// Throws InputError unless sizes and spacings are positive and finite, the origin is finite, the axes are a rotation,
+/// there is one label to every pixel, and grey values, if there are any, are finite and of the labels' sign.
 template <int Dim> void check_image(const LabelImage<Dim>& image);
+
+/// The label at a point of the world, or, if that is void, of the nearest pixel of material that is no more than
+/// `reach` pixels away along each axis; 0 if there is none.
+template <int Dim> Label label_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach);
 
 /// A label and how many pixels have it.
 struct LabelCount {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <zlib.h>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -133,19 +134,38 @@ std::string type_name(const std::string& name) {
   return type == types.end() ? name : type->second;
 }
 
-/// Sets spacing and origin: NRRD has the centre of the first pixel.
-void read_frame(const NrrdHeader& header, std::size_t axes, PixelValues& v) {
+/// Anatomical axes by what NRRD calls a space; empty for others.
+std::string world_named(std::string space) {
+  for (char& c : space) c = static_cast<char>(std::tolower(c));
+  if (space.starts_with("left-posterior-superior") || space == "lps") return "LPS";
+  if (space.starts_with("right-anterior-superior") || space == "ras") return "RAS";
+  if (space.starts_with("left-anterior-superior") || space == "las") return "LAS";
+  return "";
+}
+
+/// Sets spacing, axes and origin: NRRD has the centre of the first pixel.
+void read_frame(const std::string& path, const NrrdHeader& header, std::size_t axes, PixelValues& v) {
   const std::vector<double> spacings = numbers_in(header["spacings"]),
                             directions = numbers_in(header["space directions"]),
                             origin = numbers_in(header["space origin"]);
+  if (!directions.empty() && directions.size() != axes * axes)
+    throw InputError(fmt::format("{}: space directions {}, expected {} vectors of {} numbers", path,
+                                 header["space directions"], axes, axes));
+  v.world = world_named(header["space"]);
+  v.centred = origin.size() == axes;
+  if (!directions.empty())
+    v.spacing_from = "NRRD space directions";
+  else if (spacings.size() >= axes)
+    v.spacing_from = "NRRD spacings";
   for (std::size_t d = 0; d < axes; ++d) {
     if (spacings.size() >= axes) v.spacing[d] = spacings[spacings.size() - axes + d];
-    if (directions.size() == axes * axes) {
-      double square = 0.0;
-      for (std::size_t k = 0; k < axes; ++k) square += directions[axes * d + k] * directions[axes * d + k];
-      v.spacing[d] = std::sqrt(square);
+    if (!directions.empty()) {
+      Vec<3> direction = Vec<3>::Zero();
+      for (std::size_t k = 0; k < axes; ++k) direction[k] = directions[axes * d + k];
+      v.spacing[d] = direction.norm();
+      if (v.spacing[d] > 0.0) v.axes.col(d) = direction / v.spacing[d];
     }
-    if (origin.size() == axes) v.origin[d] = origin[d] - 0.5 * v.spacing[d];
+    if (v.centred) v.origin[d] = origin[d];
   }
 }
 
@@ -200,7 +220,7 @@ PixelValues read_nrrd(const std::string& path, int dim) {
   const std::size_t axes = read_sizes(path, header, dim, v);
   v.type = type_name(header["type"]);
   with_type(path, v.type, [](auto) {});
-  read_frame(header, axes, v);
+  read_frame(path, header, axes, v);
   require_room(path, v, size_of(v.type));
   if (const std::string data_file = header.either("data file", "datafile"); !data_file.empty()) {
     const auto detached = std::filesystem::path(path).parent_path() / data_file;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Images that VTK reads: PNG, TIFF, MetaImage.
+/// Images that VTK reads: PNG, TIFF, MetaImage, NIfTI.
 #include "efree/geometry/input/internal/pixel_values.hpp"
 
 #include <fmt/format.h>
@@ -8,7 +8,10 @@
 #include <vtkExecutive.h>
 #include <vtkImageData.h>
 #include <vtkImageReader2.h>
+#include <vtkMatrix4x4.h>
 #include <vtkMetaImageReader.h>
+#include <vtkNIFTIImageHeader.h>
+#include <vtkNIFTIImageReader.h>
 #include <vtkNew.h>
 #include <vtkPNGReader.h>
 #include <vtkPointData.h>
@@ -80,8 +83,7 @@ void check_length(const std::string& path, double bytes) {
   throw InputError(fmt::format("{}: it is truncated, or no MetaImage file", path));
 }
 
-PixelValues read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImageReader2>& reader, bool meta,
-                          bool centred) {
+PixelValues read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImageReader2>& reader, bool meta = false) {
   std::string complaint;
   vtkNew<vtkCallbackCommand> observer;
   observer->SetClientData(&complaint);
@@ -111,7 +113,7 @@ PixelValues read_with_vtk(const std::string& path, const vtkSmartPointer<vtkImag
     v.size[d] = extent[2 * d + 1] - extent[2 * d] + 1;
     if (v.size[d] < 1) throw InputError(fmt::format("{}: it is truncated or broken, it has no pixels", path));
     if (const double spacing = reader->GetDataSpacing()[d]; meta || spacing > 0.0) v.spacing[d] = spacing;
-    if (centred) v.origin[d] = reader->GetDataOrigin()[d] - 0.5 * v.spacing[d];
+    if (meta) v.origin[d] = reader->GetDataOrigin()[d];
   }
   const std::size_t each = vtkDataArray::GetDataTypeSize(reader->GetDataScalarType());
   v.components = reader->GetNumberOfScalarComponents();
@@ -137,22 +139,89 @@ void check_dimensions(const std::string& path, const std::string& head) {
     throw InputError(fmt::format("{}: it has {} dimensions (NDims), expected 2 or 3", path, dimensions));
 }
 
+/// Of MetaImage: the directions of its axes, one after the other.
+void read_meta_axes(const std::string& path, PixelValues& v) {
+  std::ifstream file(path, std::ios::binary);
+  for (std::string line; std::getline(file, line) && !line.starts_with("ElementDataFile");) {
+    const auto equals = line.find('=');
+    const std::string key = line.substr(0, line.find_first_of(" \t="));
+    if (equals == std::string::npos || (key != "TransformMatrix" && key != "Rotation" && key != "Orientation"))
+      continue;
+    const int dim = v.size[2] > 1 ? 3 : 2;
+    std::istringstream numbers(line.substr(equals + 1));
+    std::vector<double> values;
+    for (double value = 0.0; numbers >> value;) values.push_back(value);
+    const int axes = values.size() == 9 ? 3 : 2;
+    if (static_cast<int>(values.size()) != axes * axes || axes < dim)
+      throw InputError(fmt::format("{}: {}, expected {} numbers", path, line, dim * dim));
+    for (int a = 0; a < axes; ++a)
+      for (int d = 0; d < axes; ++d) v.axes(d, a) = values[axes * a + d];
+  }
+}
+
+/// Values times the slope of a NIfTI header, plus its intercept.
+void rescale(const std::string& path, double slope, double intercept, PixelValues& v) {
+  with_type(path, v.type, [&](auto type) {
+    const auto* from = static_cast<const decltype(type)*>(v.data());
+    std::vector<char> bytes(v.pixels() * v.components * sizeof(double));
+    auto* to = reinterpret_cast<double*>(bytes.data());
+    for (std::size_t p = 0; p < v.pixels() * v.components; ++p)
+      to[p] = slope * static_cast<double>(from[p]) + intercept;
+    v.bytes = std::move(bytes);
+  });
+  v.shared.reset();
+  v.type = "float64";
+}
+
 }  // namespace
 
 PixelValues read_png(const std::string& path) {
   check_png(path);
-  return read_with_vtk(path, vtkSmartPointer<vtkPNGReader>::New(), false, false);
+  return read_with_vtk(path, vtkSmartPointer<vtkPNGReader>::New());
 }
 
 PixelValues read_tiff(const std::string& path) {
-  PixelValues v = read_with_vtk(path, vtkSmartPointer<vtkTIFFReader>::New(), false, false);
-  v.top_first = true;  // unlike VTK's other readers, whatever the file's orientation tag
+  PixelValues v = read_with_vtk(path, vtkSmartPointer<vtkTIFFReader>::New());
+  // VTK's reader begins with the top row, unlike its others, whatever the file's orientation tag.
+  v.top_first = v.size[2] == 1;
+  read_tiff_spacing(path, v);
+  return v;
+}
+
+PixelValues read_nifti(const std::string& path) {
+  const auto reader = vtkSmartPointer<vtkNIFTIImageReader>::New();
+  PixelValues v = read_with_vtk(path, reader);
+  vtkMatrix4x4* matrix = reader->GetSFormMatrix();
+  v.spacing_from = matrix != nullptr ? "NIfTI s-form" : "NIfTI q-form";
+  if (matrix == nullptr) matrix = reader->GetQFormMatrix();
+  if (matrix == nullptr) {
+    v.spacing_from = "NIfTI pixdim";
+  } else {
+    v.centred = true;
+    v.world = "RAS";
+    for (int a = 0; a < 3; ++a) {
+      Vec<3> direction;
+      for (int d = 0; d < 3; ++d) direction[d] = matrix->GetElement(d, a);
+      // VTK has taken the edges out of the matrix, in single precision.
+      const double length = direction.norm(), edge = v.spacing[a] * length;
+      v.spacing[a] = std::strtod(fmt::format("{}", static_cast<float>(edge)).c_str(), nullptr);
+      if (direction.norm() > 0.0) v.axes.col(a) = direction.normalized();
+      v.origin[a] = matrix->GetElement(a, 3);
+    }
+  }
+  const double slope = reader->GetRescaleSlope(), intercept = reader->GetRescaleIntercept();
+  if (slope != 0.0 && (slope != 1.0 || intercept != 0.0)) rescale(path, slope, intercept, v);
   return v;
 }
 
 PixelValues read_meta_image(const std::string& path, const std::string& head) {
   check_dimensions(path, head);
-  return read_with_vtk(path, vtkSmartPointer<vtkMetaImageReader>::New(), true, true);
+  PixelValues v = read_with_vtk(path, vtkSmartPointer<vtkMetaImageReader>::New(), true);
+  v.spacing_from = "MetaImage ElementSpacing";
+  v.world = "LPS";  // as ITK, whose format it is, has it
+  v.centred = true;
+  read_meta_axes(path, v);
+  return v;
 }
 
 }  // namespace efree::internal

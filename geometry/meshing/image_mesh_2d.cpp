@@ -230,6 +230,7 @@ template <> MeshData<2> mesh_image<2>(const LabelImage<2>& image, const ImageMes
   if (options.simplify > 0.0) plane = simplify(plane, options.simplify, image);
   MeshData<2> mesh = internal::triangulate_regions(plane, {.size = options.size, .min_angle = 0.0});
   mesh.region_names = regions.names;
+  internal::turn_to_world(image, mesh.vertices);
   return mesh;
 }
 

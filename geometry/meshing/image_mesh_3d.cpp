@@ -311,6 +311,7 @@ template <> MeshData<3> mesh_image<3>(const LabelImage<3>& image, const ImageMes
   drop_flat_cells(image, mesh);
   internal::inflate_flat_cells(mesh, 0.1 * options.facet_distance * voxel, on_frame(image, mesh));
   name_facets(image, mesh);
+  internal::turn_to_world(image, mesh.vertices);
   mesh.region_names = regions.names;
   std::vector<std::array<Index, 3>> boundary;
   for (const auto& group : mesh.groups) boundary.insert(boundary.end(), group.facets.begin(), group.facets.end());

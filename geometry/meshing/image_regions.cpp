@@ -40,6 +40,14 @@ template <int Dim> ImageRegions image_regions(const LabelImage<Dim>& image, cons
   }
   return out;
 }
+
+template <int Dim> void turn_to_world(const LabelImage<Dim>& image, Points<Dim>& vertices) {
+  if (!image.is_turned()) return;
+  for (Index v = 0; v < vertices.cols(); ++v) vertices.col(v) = image.in_world(vertices.col(v));
+}
+
+template void turn_to_world<2>(const LabelImage<2>&, Points<2>&);
+template void turn_to_world<3>(const LabelImage<3>&, Points<3>&);
 template ImageRegions image_regions<2>(const LabelImage<2>&, const ImageMeshOptions&);
 template ImageRegions image_regions<3>(const LabelImage<3>&, const ImageMeshOptions&);
 

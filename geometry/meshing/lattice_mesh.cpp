@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 
+#include "efree/geometry/meshing/internal/image_regions.hpp"
 #include "efree/geometry/meshing/internal/lattice_losses.hpp"
 #include "efree/geometry/meshing/internal/lattice_vertices.hpp"
 
@@ -116,7 +117,10 @@ class LatticeCells : public internal::LatticeVertices {
 }  // namespace
 
 LatticeMesh mesh_on_lattice(const LabelImage<3>& image, const ImageMeshOptions& options) {
-  return LatticeCells(image, options).make();
+  LatticeMesh made = LatticeCells(image, options).make();
+  internal::turn_to_world(image, made.mesh.vertices);
+  for (Vec<3>* place : {&made.lost.worst_place, &made.lost.broken_place}) *place = image.in_world(*place);
+  return made;
 }
 
 }  // namespace efree

@@ -34,7 +34,7 @@ struct LostFeatures {
 /// A mesh cut out of a lattice.
 struct LatticeMesh {
   MeshData<3> mesh;
-  Lattice lattice;
+  Lattice lattice;                     ///< along the axes of the image, about whose origin it is turned as this is
   std::vector<Index> cube_of_cell;     ///< ascending
   std::vector<Index> point_of_vertex;  ///< by vertex, the point of the lattice that it is; -1: it lies elsewhere
   LostFeatures lost;

@@ -8,19 +8,51 @@
 #include <algorithm>
 #include <memory>
 #include <string_view>
+#include <utility>
 
 namespace efree {
 namespace {
 
 using internal::CaseText, internal::Section;
 
-/// Fails for a key of the other kind of case.
-void reject_other_keys(const Section& root, bool is_dynamics) {
-  const auto own = is_dynamics ? internal::dynamics_keys() : internal::static_keys();
-  for (const std::string_view key : is_dynamics ? internal::static_keys() : internal::dynamics_keys())
-    if (root.has(key) && std::ranges::find(own, key) == own.end())
-      root.fail(key, is_dynamics ? fmt::format("[{}] is for static analyses: leave it out in explicit dynamics", key)
-                                 : fmt::format("[{}] is for explicit dynamics: set analysis.kind = \"dynamics\"", key));
+using internal::AnalysisKind;
+
+Section::Keys keys_of(AnalysisKind kind) {
+  switch (kind) {
+    case AnalysisKind::dynamics:
+      return internal::dynamics_keys();
+    case AnalysisKind::effective:
+      return internal::effective_keys();
+    default:
+      return internal::static_keys();
+  }
+}
+/// What cases of a kind are called, and how a case becomes one.
+std::pair<std::string_view, std::string_view> words_for(AnalysisKind kind) {
+  switch (kind) {
+    case AnalysisKind::dynamics:
+      return {"explicit dynamics", "set analysis.kind = \"dynamics\""};
+    case AnalysisKind::effective:
+      return {"effective properties", "set analysis.kind = \"effective\""};
+    default:
+      return {"static analyses", "set analysis.kind = \"static\""};
+  }
+}
+
+/// Fails for a key of other kinds of cases.
+void reject_other_keys(const Section& root, AnalysisKind kind) {
+  const auto own = keys_of(kind);
+  for (const AnalysisKind other : {AnalysisKind::statics, AnalysisKind::dynamics, AnalysisKind::effective})
+    for (const std::string_view key : keys_of(other)) {
+      if (!root.has(key) || std::ranges::find(own, key) != own.end()) continue;
+      if (kind == AnalysisKind::effective)
+        root.fail(key, fmt::format("[{}] means nothing for effective properties, whose loads are mean strains on the "
+                                   "image's frame: leave it out",
+                                   key));
+      root.fail(key, kind == AnalysisKind::dynamics && other == AnalysisKind::statics
+                         ? fmt::format("[{}] is for static analyses: leave it out in explicit dynamics", key)
+                         : fmt::format("[{}] is for {}: {}", key, words_for(other).first, words_for(other).second));
+    }
 }
 
 /// Reads as far as is the same for all kinds.
@@ -28,12 +60,16 @@ CaseText open_case(const std::filesystem::path& file, const Reading& reading) {
   const auto table = std::make_shared<const toml::table>(internal::parse_toml(file.string()));
   const Section any(*table, "", file.string(), {});
   internal::reject_former_keys(any);
-  const bool is_dynamics =
-      any.is_table("analysis") &&
-      any.section("analysis", {}).choice<bool>("kind", {{"static", false}, {"dynamics", true}}, false);
-  reject_other_keys(any, is_dynamics);
-  const Section root(*table, "", file.string(), is_dynamics ? internal::dynamics_keys() : internal::static_keys());
-  return {file, table, is_dynamics, root, root.required_section("geometry", internal::geometry_keys()), reading};
+  const auto kind = any.is_table("analysis") ? any.section("analysis", {})
+                                                   .choice<AnalysisKind>("kind",
+                                                                         {{"static", AnalysisKind::statics},
+                                                                          {"dynamics", AnalysisKind::dynamics},
+                                                                          {"effective", AnalysisKind::effective}},
+                                                                         AnalysisKind::statics)
+                                             : AnalysisKind::statics;
+  reject_other_keys(any, kind);
+  const Section root(*table, "", file.string(), keys_of(kind));
+  return {file, table, kind, root, root.required_section("geometry", internal::geometry_keys()), reading};
 }
 
 int dimension_of(const CaseText& text, const Monitor& monitor) {
@@ -46,7 +82,14 @@ int dimension_of(const CaseText& text, const Monitor& monitor) {
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const CaseText text = open_case(file, reading);
   const bool is_planar = dimension_of(text, monitor) == 2;
-  if (text.is_dynamics) {
+  if (text.kind == AnalysisKind::effective) {
+    if (is_planar)
+      text.geometry.fail(text.geometry.has("file") ? "file" : "shape",
+                         "effective properties are those of images in space, and this geometry is planar: an image of "
+                         "one layer of voxels, e.g. a .raw file with a size of [n, m, 1], stands for a plane");
+    return internal::read_effective(text);
+  }
+  if (text.kind == AnalysisKind::dynamics) {
     if (is_planar) return internal::read_dynamics<2>(text);
     return internal::read_dynamics<3>(text);
   }
@@ -56,11 +99,22 @@ AnyCase read_case(const std::filesystem::path& file, const Reading& reading, con
 
 StaticCase read_static_case(const std::filesystem::path& file, const Reading& reading, const Monitor& monitor) {
   const CaseText text = open_case(file, reading);
-  if (text.is_dynamics)
+  if (text.kind != AnalysisKind::statics)
     text.root.section("analysis", {})
-        .fail("kind", "this case is of explicit dynamics, and this command is for static analyses: take efree run");
+        .fail("kind", fmt::format("this case is of {}, and this command is for static analyses: take efree run",
+                                  words_for(text.kind).first));
   if (dimension_of(text, monitor) == 2) return internal::read_static<2>(text);
   return internal::read_static<3>(text);
+}
+
+EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor) {
+  const MadeImage<3> image = [&] {
+    const Stage stage("image", monitor);
+    return analysis.geometry.image(stage);
+  }();
+  if (monitor.say)
+    for (const std::string& remark : image.remarks) monitor.say(remark);
+  return find_effective(analysis, image, monitor);
 }
 
 }  // namespace efree

@@ -4,10 +4,12 @@
 
 #include "efree/analysis/analyse.hpp"
 #include "efree/analysis/dynamics.hpp"
+#include "efree/analysis/effective.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <variant>
 
 namespace efree {
@@ -26,6 +28,7 @@ struct CaseMark {
 template <int Dim> struct Case : Settings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
+  bool with_mesh = false;  ///< fields are wanted on a mesh, of images, too
 };
 /// A case of explicit dynamics.
 template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
@@ -33,8 +36,13 @@ template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   CaseMark mark{};
 };
 
+/// Effective properties of an image.
+struct EffectiveCase : EffectiveSettings {
+  MeshSource<3> geometry;  ///< an image, which nothing but `efree inspect` meshes
+};
+
 /// analysis.kind and the geometry decide which.
-using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>>;
+using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>, EffectiveCase>;
 using StaticCase = std::variant<Case<2>, Case<3>>;
 
 /// Reads and checks a case file. Throws InputError for a file that cannot be read, and beginning with "file:line:" for
@@ -43,7 +51,7 @@ using StaticCase = std::variant<Case<2>, Case<3>>;
 /// prepare. Files are read, and the geometry is meshed, as `reading` says. Stage, where gmsh has to be asked for the
 /// dimension: read.
 AnyCase read_case(const std::filesystem::path& file, const Reading& reading = {}, const Monitor& monitor = {});
-/// The same; throws InputError also for a case of explicit dynamics.
+/// The same; throws InputError also for a case of another kind.
 StaticCase read_static_case(const std::filesystem::path& file, const Reading& reading = {},
                             const Monitor& monitor = {});
 
@@ -53,6 +61,9 @@ template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Mo
 }
 template <int Dim> PreparedMesh<Dim> prepare(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
   return prepare<Dim>(dynamics_case.geometry, dynamics_case, monitor);
+}
+inline PreparedMesh<3> prepare(const EffectiveCase& analysis, const Monitor& monitor = {}) {
+  return prepare<3>(analysis.geometry, Settings<3>{.common = analysis.common}, monitor);
 }
 /// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
@@ -67,5 +78,8 @@ template <int Dim>
 DynamicsModel<Dim> build_dynamics_model(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
   return build_dynamics_model<Dim>(prepare(dynamics_case, monitor), dynamics_case, monitor);
 }
+
+/// find_effective with the case's own image. Stages: read, and those of find_effective.
+EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor = {});
 
 }  // namespace efree

@@ -8,12 +8,13 @@
 #include "efree/geometry/input/surface_offsets.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
-#include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/geometry/meshing/surface_image.hpp"
 #include "efree/io/case/internal/case_parts.hpp"
+#include "efree/io/case/internal/image_geometry.hpp"
+#include "efree/io/case/internal/mesh_reports.hpp"
 #include "efree/io/case/internal/read_geometry.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/confined/internal/transfer.hpp"
@@ -21,11 +22,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
-#include <mutex>
 #include <numbers>
 #include <span>
 
@@ -35,7 +34,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What endings of names stand for. Some images say only inside how many dimensions they have.
-enum class FileKind { gmsh, cad, planar_image, image, raw_image, surface };
+enum class FileKind { gmsh, cad, planar_image, image, slices, raw_image, surface };
 constexpr std::pair<std::string_view, FileKind> file_kinds[] = {
     {".geo", FileKind::gmsh},         {".msh", FileKind::gmsh},         {".step", FileKind::cad},
     {".stp", FileKind::cad},          {".iges", FileKind::cad},         {".igs", FileKind::cad},
@@ -43,11 +42,12 @@ constexpr std::pair<std::string_view, FileKind> file_kinds[] = {
     {".pbm", FileKind::planar_image}, {".ppm", FileKind::planar_image}, {".pnm", FileKind::planar_image},
     {".tif", FileKind::image},        {".tiff", FileKind::image},       {".nrrd", FileKind::image},
     {".nhdr", FileKind::image},       {".mha", FileKind::image},        {".mhd", FileKind::image},
-    {".inr", FileKind::image},        {".inr.gz", FileKind::image},     {".raw", FileKind::raw_image},
-    {".stl", FileKind::surface},      {".off", FileKind::surface},      {".obj", FileKind::surface},
-    {".ply", FileKind::surface}};
+    {".nii", FileKind::image},        {".nii.gz", FileKind::image},     {".inr", FileKind::image},
+    {".inr.gz", FileKind::image},     {".raw", FileKind::raw_image},    {".stl", FileKind::surface},
+    {".off", FileKind::surface},      {".obj", FileKind::surface},      {".ply", FileKind::surface}};
 
 FileKind kind_of(const Section& geometry, const fs::path& file) {
+  if (is_slices(file.string())) return FileKind::slices;
   const std::string name = lower_case(file.filename().string());
   for (const auto& [ending, kind] : file_kinds)
     if (name.ends_with(ending)) return kind;
@@ -59,9 +59,8 @@ FileKind kind_of(const Section& geometry, const fs::path& file) {
 
 fs::path file_of(const Section& geometry, const fs::path& folder) {
   const fs::path file = folder / geometry.text("file");
+  if (is_slices(file.string())) return file;
   std::error_code error;  // names that are too long are no files
-  if (fs::is_directory(file, error))
-    geometry.fail("file", fmt::format("{} is a directory, expected a file", file.string()));
   if (!fs::is_regular_file(file, error)) geometry.fail("file", fmt::format("there is no file {}", file.string()));
   return file;
 }
@@ -152,29 +151,6 @@ int shape_dimension(const Section& geometry) {
   geometry.fail("shape", fmt::format("there is no shape \"{}\"; {}", name, suggestion(name, known)));
 }
 
-/// Complains of sections and keys that have no meaning for this kind of geometry.
-void refuse(const Section& geometry, const Section::Keys& keys, std::string_view kind) {
-  for (const std::string_view key : keys)
-    if (geometry.has(key)) geometry.fail(key, fmt::format("{} has no meaning for {}", key, kind));
-}
-
-/// The size that was asked for, or, if none was, what is natural, which is reported.
-template <int Dim> double size_or(const MeshSize& asked, double natural, MadeMesh<Dim>& made) {
-  made.size = asked.length > 0.0 ? asked.length : asked.coarsening * natural;
-  if (asked.length > 0.0) return made.size;
-  made.reports.push_back({"mesh_size_chosen", made.size});
-  made.remarks.push_back(fmt::format("mesh_size {:.4g} (none is said)", made.size));
-  return made.size;
-}
-
-/// Not coarser than what is natural by more than a factor.
-MeshSize at_most(double coarsening, MeshSize size) {
-  size.coarsening = std::min(size.coarsening, coarsening);
-  return size;
-}
-constexpr double may_lose_parts =
-    2.0;  ///< meshes of images in space and surfaces lose what is thinner than their cells
-
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
   refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
@@ -231,159 +207,6 @@ template <int Dim> auto gmsh_mesh(const Section& geometry, const fs::path& file,
     if (curved.order > 1)
       made.remarks.push_back(
           fmt::format("elements of order {}: their corner nodes are read, edges become straight", curved.order));
-    return made;
-  };
-}
-
-constexpr std::int64_t largest_label = std::numeric_limits<Label>::max();
-
-Section image_section(const Section& geometry) {
-  return geometry.section("image", {"spacing", "threshold", "below", "background", "largest_only", "contour",
-                                    "simplify", "mesher", "facet_distance", "regions", "raw"});
-}
-
-template <int Dim> RawImage<Dim> read_raw(const Section& image) {
-  const Section raw = image.section("raw", {"size", "type", "big_endian", "header"});
-  RawImage<Dim> result;
-  const Vec<Dim> size = raw.template point<Dim>("size");
-  for (int d = 0; d < Dim; ++d) {
-    if (!(size[d] >= 1.0 && size[d] <= std::numeric_limits<Index>::max() && size[d] == std::floor(size[d])))
-      raw.fail("size", fmt::format("size holds {}, expected numbers of pixels", size[d]));
-    result.size[d] = static_cast<Index>(size[d]);
-  }
-  result.type = raw.text("type", result.type);
-  result.big_endian = raw.boolean("big_endian", result.big_endian);
-  result.header = raw.integer("header", 0, std::numeric_limits<std::int64_t>::max(), result.header);
-  return result;
-}
-
-/// { 1 = "matrix", 2 = "grain" }
-std::map<Label, std::string> region_names(const Section& image) {
-  const Section section = image.section("regions", {});
-  std::map<Label, std::string> names;
-  for (const auto& [key, node] : section.table()) {
-    const std::string text(key.str());
-    int label = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), label);
-    if (error != std::errc{} || end != text.data() + text.size() || label < 1 || label > largest_label)
-      section.fail(text, fmt::format("\"{}\" is no label, expected an integer from 1 to {}", text, largest_label));
-    names[static_cast<Label>(label)] = section.text(text);
-  }
-  return names;
-}
-
-template <int Dim> void report_islands(Index islands, double fraction, MadeMesh<Dim>& made) {
-  made.reports.push_back({"islands_left_out", islands});
-  made.reports.push_back({"islands_fraction", fraction});
-  made.remarks.push_back(fmt::format("{} islands left out, {:.3g} % of the material", islands, 100.0 * fraction));
-}
-
-void report_lost(const LostFeatures& lost, MadeMesh<3>& made) {
-  made.reports.push_back({"lost_parts", lost.parts});
-  made.reports.push_back({"lost_pieces", lost.pieces});
-  made.reports.push_back({"lost_volume", lost.volume});
-  made.reports.push_back({"broken_off", lost.broken_off});
-  if (lost.parts + lost.pieces > 0) {
-    const bool is_void = lost.worst_region.empty();
-    made.remarks.push_back(fmt::format(
-        "too thin for mesh_size: {} bodies or pores and {} pieces of others are not in the mesh, volume {:.3g} in all; "
-        "the largest is {}, volume {:.3g} at ({:.4g})",
-        lost.parts, lost.pieces, lost.volume,
-        lost.worst_is_part ? (is_void ? "a pore" : fmt::format("a body of \"{}\"", lost.worst_region))
-                           : (is_void ? "a piece of void" : fmt::format("a piece of \"{}\"", lost.worst_region)),
-        lost.worst_volume, fmt::join(lost.worst_place, ", ")));
-  }
-  if (lost.broken_off > 0)
-    made.remarks.push_back(fmt::format(
-        "too thin for mesh_size: necks of {} bodies that are one with others in the image; the largest has a "
-        "volume of {:.3g}, around ({:.4g})",
-        lost.broken_off, lost.broken_volume, fmt::join(lost.broken_place, ", ")));
-}
-
-/// How an image is read.
-template <int Dim> ImageOptions<Dim> image_options(const Section& image, bool is_raw) {
-  ImageOptions<Dim> reading;
-  reading.spacing = read_pixel_spacing(image, Dim);
-  if (image.has("threshold")) reading.threshold = image.number("threshold", any_number);
-  if (!reading.threshold) refuse(image, {"below"}, "an image without a threshold");
-  reading.below = image.boolean("below", false);
-  if (image.has("background")) {
-    if (reading.threshold) refuse(image, {"background"}, "an image with a threshold");
-    reading.background.clear();
-    for (const double label : image.numbers("background", {0.0, static_cast<double>(largest_label), true, true}))
-      reading.background.push_back(static_cast<Label>(label));
-  }
-  if (!is_raw) refuse(image, {"raw"}, "a file with a header");
-  if (is_raw) reading.raw = read_raw<Dim>(image);
-  return reading;
-}
-
-/// The grey value at a point. Not every case asks for it: the file is read for the first one that is.
-template <int Dim>
-ScalarField<Dim> grey_of(const Section& geometry, const fs::path& file, bool is_raw, const Confinement& confinement) {
-  struct Grey {
-    std::once_flag read;
-    ScalarField<Dim> value;
-  };
-  return [grey = std::make_shared<Grey>(), path = file.string(), confinement,
-          reading = image_options<Dim>(image_section(geometry), is_raw)](const Vec<Dim>& x) {
-    std::call_once(grey->read, [&] {
-      grey->value = grey_value<Dim>(confined(confinement, [&] { return read_grey_image<Dim>(path, reading); }));
-    });
-    return grey->value(x);
-  };
-}
-
-template <int Dim> auto image_mesh(const Section& geometry, const fs::path& file, bool is_raw) {
-  refuse(geometry, {"slits", "parameters", "surface"}, "an image");
-  const Section image = image_section(geometry);
-  const ImageOptions<Dim> reading = image_options<Dim>(image, is_raw);
-  ImageMeshOptions meshing{.names = region_names(image)};
-  if (Dim == 3) refuse(image, {"contour", "simplify"}, "an image in three dimensions, where boundaries are smooth");
-  if (Dim == 2)
-    refuse(image, {"mesher", "facet_distance"},
-           "an image in the plane, which constrained Delaunay triangulation meshes");
-  meshing.mesher =
-      image.choice<Mesher>("mesher", {{"lattice", Mesher::lattice}, {"delaunay", Mesher::delaunay}}, meshing.mesher);
-  if (meshing.mesher == Mesher::lattice)
-    refuse(image, {"facet_distance"}, "an image on a lattice (mesher = \"delaunay\" has it)");
-  meshing.contour =
-      image.choice<Contour>("contour", {{"pixel", Contour::pixel}, {"smooth", Contour::smooth}}, meshing.contour);
-  meshing.simplify = image.number("simplify", not_negative, meshing.simplify);
-  meshing.facet_distance = image.number("facet_distance", positive, meshing.facet_distance);
-  const bool largest_only = image.boolean("largest_only", false);
-  return [path = file.string(), reading, meshing, largest_only](const MeshSize& size) {
-    MadeMesh<Dim> made;
-    LabelImage<Dim> labels = read_image<Dim>(path, reading);
-    if (largest_only) {
-      LargestBody<Dim> body = keep_largest(labels);
-      labels = std::move(body.image);
-      report_islands(body.islands, body.fraction, made);
-    }
-    ImageMeshOptions sized = meshing;
-    // As fine as pixels in the plane, where contours stay whatever the size, two voxels in space.
-    sized.size = size_or(Dim == 2 ? size : at_most(may_lose_parts, size),
-                         (Dim == 2 ? 1.0 : 2.0) * labels.spacing.minCoeff(), made);
-    if constexpr (Dim == 3)
-      if (sized.mesher == Mesher::lattice) {
-        LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
-        for (const LabelCount& count : count_labels(labels))
-          if (count.label != 0)
-            made.region_of_label[count.label] =
-                sized.names.empty() ? std::to_string(count.label) : sized.names.at(count.label);
-        made.image = std::make_shared<const LabelImage<3>>(std::move(labels));
-        made.mesh = std::move(on_lattice.mesh);
-        report_lost(on_lattice.lost, made);
-        if (largest_only && on_lattice.lost.broken_off > 0) {
-          LargestMesh<3> body = keep_largest(std::move(made.mesh));
-          made.mesh = std::move(body.mesh);
-          made.remarks.push_back(
-              fmt::format("what has come apart is left out, too: {} bodies, {:.3g} % of the material", body.islands,
-                          100.0 * body.fraction));
-        }
-        return made;
-      }
-    made.mesh = mesh_image<Dim>(labels, sized);
     return made;
   };
 }
@@ -536,8 +359,14 @@ void read_file(const Section& geometry, const fs::path& file, const Reading& rea
       return;
     case FileKind::planar_image:
     case FileKind::image:
+    case FileKind::slices:
     case FileKind::raw_image:
       result.mesh = confine(image_mesh<Dim>(geometry, file, kind == FileKind::raw_image));
+      if constexpr (Dim == 3)
+        if (auto image = image_alone(geometry, file, kind == FileKind::raw_image))
+          result.image = [image = std::move(image), confinement](const Stage& stage) {
+            return confined(confinement, image, [&] { stage.tick(0.0); });
+          };
       result.grey = grey_of<Dim>(geometry, file, kind == FileKind::raw_image, confinement);
       return;
     case FileKind::surface:
@@ -564,6 +393,7 @@ int geometry_dimension(const Section& geometry, const fs::path& folder, bool has
   const fs::path file = file_of(geometry, folder);
   switch (kind_of(geometry, file)) {
     case FileKind::cad:
+    case FileKind::slices:
     case FileKind::surface:
       return 3;
     case FileKind::planar_image:

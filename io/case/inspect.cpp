@@ -5,11 +5,11 @@
 #include "efree/core/internal/lower_case.hpp"
 #include "efree/geometry/cloud/spacing.hpp"
 #include "efree/geometry/input/image_reader.hpp"
-#include "efree/geometry/input/image_summary.hpp"
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/mesh/walls.hpp"
 #include "efree/geometry/meshing/gmsh_reader.hpp"
 #include "efree/io/case/case_file.hpp"
+#include "efree/io/case/internal/inspect_image.hpp"
 #include "efree/io/case/internal/inspection_fields.hpp"
 #include "efree/io/confined/internal/confined.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
@@ -248,86 +248,10 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const D
   if (inspection.suggestion) inspection.suggestion->spacing = 0.0;  // no cloud comes with the mesh
   return inspection;
 }
-
-// --- Images ---------------------------------------------------------------------------------------------------------
-
-/// Diameter of the ball (disc in 2D) with that volume.
-template <int Dim> double equivalent_diameter(double volume) {
-  return Dim == 2 ? 2.0 * std::sqrt(volume / std::numbers::pi) : std::cbrt(6.0 * volume / std::numbers::pi);
-}
-
-/// Rectangles of one label, row by row.
-void add_rows(const LabelImage<2>& image, Inspection<2>& out, std::vector<Vec<2>>& points) {
-  std::vector<Index> number(std::numeric_limits<Label>::max() + 1, -1);
-  for (std::size_t b = 0; b < out.bodies.size(); ++b) number[std::stoul(out.bodies[b].name)] = static_cast<Index>(b);
-  for (Index j = 0; j < image.size[1]; ++j)
-    for (Index i = 0; i < image.size[0];) {
-      const Label label = image.at({i, j});
-      Index end = i + 1;
-      while (end < image.size[0] && image.at({end, j}) == label) ++end;
-      if (label != 0) {
-        const auto first = static_cast<Index>(points.size());
-        for (const auto& [x, y] : {std::pair{i, j}, {end, j}, {end, j + 1}, {i, j + 1}})
-          points.emplace_back(image.origin + image.spacing.cwiseProduct(Vec<2>(x, y)));
-        out.pieces.push_back({{first, first + 1, first + 2, first + 3}, number[label], -1});
-      }
-      i = end;
-    }
-}
-
-template <int Dim> Inspection<Dim> inspect_image(const std::string& path, const ImageValues& values) {
-  ImageOptions<Dim> options;
-  if (!values.are_labels) options.threshold = values.threshold;
-  const LabelImage<Dim> image = read_image<Dim>(path, options);
-  ImageSummary<Dim> summary = summarize_image(image);
-  Inspection<Dim> out{.file = path, .kind = values.are_labels ? "label image" : "grey image"};
-  Vec<Dim> extent = image.spacing;
-  for (int d = 0; d < Dim; ++d) extent[d] *= image.size[d];
-  out.box = {image.origin, image.origin + extent};
-  out.bodies = std::move(summary.labels);
-  out.groups = std::move(summary.groups);
-  for (const auto& body : out.bodies) out.volume += body.volume;
-  for (const auto& group : out.groups) out.boundary += group.measure;
-  const auto consider = [&](const char* what, const std::optional<ImagePart<Dim>>& part) {
-    if (!part) return;
-    const double size = equivalent_diameter<Dim>(static_cast<double>(part->pixels) * image.pixel_volume());
-    if (!out.smallest || size < out.smallest->size) out.smallest = {what, size, part->centre};
-  };
-  consider("closed pore, diameter by its volume", summary.smallest_pore);
-  if (summary.bodies > 1) consider("island, diameter by its volume", summary.smallest_body);
-  for (int d = 0; d < Dim; ++d) out.facts.emplace_back(fmt::format("pixels_{}", "xyz"[d]), image.size[d]);
-  for (int d = 0; d < Dim; ++d) out.facts.emplace_back(fmt::format("spacing_{}", "xyz"[d]), image.spacing[d]);
-  out.facts.insert(out.facts.end(), {{"least_value", values.least},
-                                     {"largest_value", values.largest},
-                                     {"material_fraction", summary.material},
-                                     {"connected_bodies", summary.bodies},
-                                     {"closed_pores", summary.closed_pores}});
-  if (!values.are_labels) {
-    out.facts.emplace_back("threshold", values.threshold);
-    out.remarks.push_back(
-        fmt::format("grey values, seen here with the threshold {:.6g} that parts them best: a case needs "
-                    "[geometry.image] threshold",
-                    values.threshold));
-  }
-  if (summary.bodies > 1)
-    out.remarks.push_back(
-        fmt::format("{} bodies that do not touch: hold each of them, or keep the largest with [geometry.image] "
-                    "largest_only = true",
-                    summary.bodies));
-
-  std::vector<Vec<Dim>> points;
-  if constexpr (Dim == 2) add_rows(image, out, points);
-  for (const auto& facet : summary.facets) {
-    typename Inspection<Dim>::Piece piece{.region = facet.label, .group = facet.group};
-    for (std::size_t k = 0; k < facet.corners.size(); ++k) {
-      piece.corners[k] = static_cast<Index>(points.size());
-      points.push_back(facet.corners[k]);
-    }
-    out.pieces.push_back(piece);
-  }
-  out.points.resize(Dim, static_cast<Eigen::Index>(points.size()));
-  for (std::size_t p = 0; p < points.size(); ++p) out.points.col(static_cast<Eigen::Index>(p)) = points[p];
-  return out;
+Inspection<3> inspect_case(const std::string& path, const EffectiveCase& analysis) {
+  EffectiveCase geometry_alone = analysis;
+  geometry_alone.common.materials.clear();
+  return inspect_case(path, prepare(geometry_alone), {}, {});
 }
 
 // --- Surfaces -------------------------------------------------------------------------------------------------------
@@ -416,8 +340,8 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
   const std::string path = file.string(), name = internal::lower_case(file.filename().string());
   const auto ends = [&](auto... endings) { return (name.ends_with(endings) || ...); };
   std::error_code error;  // names that are too long are no files
-  if (fs::is_directory(file, error)) throw InputError(fmt::format("{} is a directory, expected a file", path));
-  if (!fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
+  const bool is_folder = fs::is_directory(file, error);
+  if (!is_folder && !fs::is_regular_file(file, error)) throw InputError(fmt::format("there is no file {}", path));
   if (ends(".toml"))
     return std::visit([&](const auto& of) -> AnyInspection { return inspect_case(path, of); },
                       read_case(file, reading));
@@ -433,15 +357,16 @@ AnyInspection inspect_here(const fs::path& file, const Reading& reading) {
         fmt::format("{}: a .raw file says nothing about itself; inspect a case that gives its size and "
                     "type in [geometry.image] raw",
                     path));
-  if (ends(".png", ".pgm", ".pbm", ".ppm", ".pnm", ".tif", ".tiff", ".nrrd", ".nhdr", ".mha", ".mhd", ".inr",
-           ".inr.gz")) {
+  if (is_folder || ends(".png", ".pgm", ".pbm", ".ppm", ".pnm", ".tif", ".tiff", ".nrrd", ".nhdr", ".mha", ".mhd",
+                        ".nii", ".nii.gz", ".inr", ".inr.gz")) {
     const ImageValues values = image_values(path);
-    if (values.dimension == 2) return inspect_image<2>(path, values);
-    return inspect_image<3>(path, values);
+    if (values.dimension == 2) return internal::inspect_image<2>(path, values);
+    return internal::inspect_image<3>(path, values);
   }
   throw InputError(fmt::format(
       "{}: a file of unknown kind, expected a case (.toml), gmsh (.geo, .msh), CAD (.step, .iges, .brep), an "
-      "image (.png, .tif, .pgm, .nrrd, .mha, .inr, ...) or a surface (.stl, .off, .obj, .ply)",
+      "image (.png, .tif, .pgm, .nrrd, .mha, .nii, .inr, ..., a folder of slices) or a surface (.stl, .off, .obj, "
+      ".ply)",
       path));
 }
 

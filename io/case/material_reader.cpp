@@ -66,7 +66,7 @@ const std::vector<std::string_view> rate_keys{"C", "reference_rate", "D", "q", "
 const Interval more_than_one{1.0};
 const std::vector<std::string_view> shock_keys{"sound_speed", "slope", "gamma"};
 
-/// Keys that a model has besides model, region and density.
+/// Keys that a model has besides model, region, density and conductivity.
 std::vector<std::string_view> keys_of(Model model) {
   const auto and_constants = [](std::vector<std::string_view> own) {
     own.insert(own.begin(), constants.begin(), constants.end());
@@ -108,7 +108,7 @@ std::vector<std::string_view> keys_of(Model model) {
 }
 /// Those of all models, each once.
 const Section::Keys all_keys = [] {
-  Section::Keys keys{"model", "density"};
+  Section::Keys keys{"model", "density", "conductivity"};
   for (const auto& [name, model] : models)
     for (const std::string_view key : keys_of(model))
       if (std::ranges::find(keys, key) == keys.end()) keys.push_back(key);
@@ -121,7 +121,7 @@ void check_keys(const Section& section, Model model) {
   const auto name = std::ranges::find(models, model, [](const auto& entry) { return entry.second; })->first;
   if (model != Model::rankine) section.section("strength", {});  // a table: of rankine a parameter of its own
   for (const std::string_view key : all_keys)
-    if (key != "model" && key != "density" && key != "strength" && section.has(key) &&
+    if (key != "model" && key != "density" && key != "conductivity" && key != "strength" && section.has(key) &&
         std::ranges::find(own, key) == own.end())
       section.fail(key,
                    fmt::format("{} means nothing for model = \"{}\", which has {}", key, name, fmt::join(own, ", ")));
@@ -137,6 +137,10 @@ Strength strength(const Section& section) {
 }
 
 }  // namespace
+
+const Section::Keys& material_keys() {
+  return all_keys;
+}
 
 template <int Dim> void MaterialReader<Dim>::read(const Section& root, CommonSettings<Dim>& result) const {
   if (root.has("material") && !root.is_table("material")) {

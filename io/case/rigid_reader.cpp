@@ -35,6 +35,7 @@ GreyImage<2> read_heights(const Section& entry, const std::filesystem::path& fol
   const ImageOptions<2> options{.spacing = read_pixel_spacing(entry, 2)};
   GreyImage<2> image =
       read_file(entry, folder, [&](const std::string& path) { return read_grey_image<2>(path, options); });
+  if (!image.axes.isIdentity(0.0)) entry.fail("file", "a terrain's image is turned, expected axes along x and y");
   if (entry.has("origin")) image.origin = entry.point<2>("origin");
   const double height = entry.number("height", positive, 1.0), level = entry.number("level", any_number, 0.0);
   for (float& value : image.values) value = static_cast<float>(level + height * static_cast<double>(value));

@@ -368,7 +368,7 @@ template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& resu
 
 Section::Keys static_keys() {
   return {"title",    "definitions", "geometry", "cloud", "quadrature", "basis",    "analysis", "material",
-          "boundary", "case",        "exact",    "probe", "reaction",   "accuracy", "time"};
+          "boundary", "case",        "exact",    "probe", "reaction",   "accuracy", "time",     "output"};
 }
 
 template <int Dim> Case<Dim> read_static(const CaseText& text) {
@@ -412,6 +412,7 @@ template <int Dim> Case<Dim> read_static(const CaseText& text) {
 
   if (result.time && result.cells == OnCells::always)
     basis.fail("kind", "cells are for linear elasticity: with a [time] take a cloud");
+  if (root.has("output")) result.with_mesh = root.section("output", {"mesh"}).boolean("mesh", false);
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);
   read_extremes(analysis, result);

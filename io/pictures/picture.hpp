@@ -2,6 +2,7 @@
 /// Pictures of results and of geometry (PNG, 1600 x 1200), drawn in memory: they need no display.
 #pragma once
 
+#include "efree/analysis/image_analysis.hpp"
 #include "efree/analysis/result.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/geometry/cracks/cracked_body.hpp"
@@ -19,6 +20,9 @@ namespace efree {
 /// are drawn at a fifteenth of the body's size. Throws InputError if the file cannot be written.
 template <int Dim>
 void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+
+/// The same of an image that was solved on cells: the faces of the cells that are mostly material.
+void draw_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result);
 
 /// The same with Result::error_density in place of the stress: where a finer mesh would help.
 template <int Dim>

@@ -6,6 +6,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/answer_json.hpp"
 #include "efree/io/records/internal/json_array.hpp"
 #include "efree/io/records/internal/utilisation_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
@@ -131,68 +132,12 @@ void write_grid(const std::filesystem::path& file, vtkUnstructuredGrid* grid) {
   if (!writer->Write() || writer->GetErrorCode() != 0) cannot_write(file);
 }
 
-template <int Dim> ordered_json json_of(const Resultant<Dim>& of) {
-  ordered_json json = {{"force", json_array(of.force)}};
-  if constexpr (Dim == 2)
-    json["moment"] = of.moment[0];
-  else
-    json["moment"] = json_array(of.moment);
-  return json;
-}
-
-/// The sums of loads and reactions, and what is left of both together.
-template <int Dim> ordered_json balance_json(const Balance<Dim>& balance) {
-  Resultant<Dim> loads, reactions;
-  for (const auto& load : balance.loads) loads += load.of;
-  for (const auto& [part, of] : balance.reactions) reactions += of;
-  return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
-}
-
 /// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes with their errors,
 /// utilisation.
 template <int Dim> void add_answer(const CommonSettings<Dim>& settings, const FineSpace<Dim>& space,
                                    const Answer<Dim>& answer, ordered_json& json) {
-  json["strain_energy"] = answer.solution.strain_energy;
-  if (answer.estimates)
-    json["estimates"]["energy"] = {{"cloud", answer.estimates->cloud},
-                                   {"uncorrected", answer.estimates->uncorrected},
-                                   {"mesh", answer.estimates->mesh},
-                                   {"geometry", answer.estimates->geometry},
-                                   {"total", answer.estimates->total()}};
-  json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
-  json["probes"] = ordered_json::object();
-  for (const auto& [name, values] : answer.probes)
-    json["probes"][name] = {{"displacement", json_array(values.displacement)},
-                            {"strain", json_array(values.strain)},
-                            {"stress", json_array(values.stress)}};
-  for (const auto& [part, of] : answer.balance.reactions) json["reactions"][part] = json_of<Dim>(of);
-  for (const auto& [name, values] : answer.probes)
-    if (const auto error = answer.probe_errors.find(name); error != answer.probe_errors.end()) {
-      json["probes"][name]["error"] = json_array(error->second);
-      json["estimates"]["probes"][name] = relative_error<Dim>(values.displacement, error->second);
-    }
-  for (const auto& reaction : answer.reactions) {
-    json["reactions"][reaction.name].update(
-        {{"force", json_array(reaction.force)}, {"error", json_array(reaction.error)}});
-    json["estimates"]["reactions"][reaction.name] = relative_error<Dim>(reaction.force, reaction.error);
-  }
-  json["loads"] = ordered_json::array();
-  for (const auto& load : answer.balance.loads) {
-    ordered_json one = {{"kind", load.kind}};
-    if (!load.on.empty()) one["on"] = load.on;
-    one.update(json_of<Dim>(load.of));
-    json["loads"].push_back(one);
-  }
-  json["balance"] = balance_json(answer.balance);
-  for (const auto& extreme : answer.extremes) {
-    json["extremes"][extreme.of] = {{"value", extreme.value}, {"at", json_array(extreme.at)}};
-    if (!extreme.error) continue;
-    json["extremes"][extreme.of]["error"] = *extreme.error;
-    json["estimates"]["extremes"][extreme.of] = extreme.value > 0.0 ? *extreme.error / extreme.value : 0.0;
-  }
-  for (const auto& range : field_ranges(space, answer.fields))
-    json["extremes"][range.of] = {{"max", {{"value", range.most}, {"at", json_array(range.most_at)}}},
-                                  {"min", {{"value", range.least}, {"at", json_array(range.least_at)}}}};
+  internal::add_values_of(answer, json);
+  internal::add_ranges(field_ranges(space, answer.fields), json);
   internal::add_utilisations(largest_utilisations(settings, space, answer.fields), json);
 }
 
@@ -406,29 +351,6 @@ template <int Dim> void add_path(const Result<Dim>& result, ordered_json& json) 
   if (!result.stopped.empty()) json["path"]["stopped"] = result.stopped;
 }
 
-/// Of an image solved on cells.
-template <int Dim> void add_grids(const Result<Dim>& result, ordered_json& json) {
-  json["strain_energy_extrapolated"] = result.cells->extrapolated_energy;
-  for (const CellLevel& level : result.cells->levels)
-    json["grids"].push_back({{"edges", json_array(level.edges)},
-                             {"cells", level.cells},
-                             {"iterations", level.iterations},
-                             {"strain_energy", level.strain_energy}});
-  json["estimates"]["energy"]["image"] = std::sqrt(result.cells->half_voxel);
-}
-
-/// Meshes on the way to an accuracy.
-template <int Dim> void add_attempts(const Result<Dim>& result, ordered_json& json) {
-  for (const Attempt& attempt : result.attempts)
-    json["attempts"].push_back({{"mesh_size", attempt.size},
-                                {"fine_cells", attempt.cells},
-                                {"degree", attempt.degree},
-                                {"error", attempt.error},
-                                {"seconds", attempt.seconds}});
-  for (std::size_t k = 0; k < result.attempts.size(); ++k)
-    if (result.attempts[k].spacing > 0.0) json["attempts"][k]["spacing"] = result.attempts[k].spacing;
-}
-
 template <int Dim> void add_path_errors(const Result<Dim>& result, ordered_json& json) {
   const auto& errors = *result.path_errors;
   json["estimates"]["path"] = {{"coarser", errors.coarser},     {"until", errors.until},   {"work", errors.work},
@@ -476,11 +398,11 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (!result.history.empty()) add_path(result, json);
   if (result.errors) json["errors"] = errors_json(*result.errors);
   add_answer<Dim>(settings.common, result.basis().space, result, json);
-  if (result.cells) add_grids(result, json);
-  add_attempts(result, json);
+  if (result.cells) internal::add_grids(*result.cells, json);
+  internal::add_attempts(result.attempts, json);
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)
-      json["reactions"][reaction.name] = json_of<Dim>(result.balance.reactions.at(reaction.on));
+      json["reactions"][reaction.name] = internal::json_of<Dim>(result.balance.reactions.at(reaction.on));
   if (result.cloud_alone)
     json["estimates"]["cloud_alone"] = {{"reactions", result.cloud_alone->reactions},
                                         {"probes", result.cloud_alone->probes}};

@@ -3,203 +3,78 @@
 
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/cells/internal/cell_kernels.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 namespace efree::internal {
 namespace {
 
-constexpr int W = CellGrid::lanes;
-typedef float Floats __attribute__((vector_size(W * sizeof(float))));
-typedef double Doubles __attribute__((vector_size(W * sizeof(double))));
-
-template <class T, class V> [[gnu::always_inline]] inline void load(const T* from, V& to) {
-  std::memcpy(&to, from, sizeof to);
-}
-template <class T, class V> [[gnu::always_inline]] inline void add_to(T* at, const V& what) {
-  V sum;
-  load(at, sum);
-  sum += what;
-  std::memcpy(at, &sum, sizeof sum);
-}
-[[gnu::always_inline]] inline void load_weights(const float* from, Floats& to) {
-  load(from, to);
-}
-[[gnu::always_inline]] inline void load_weights(const float* from, Doubles& to) {
-  Floats single;
-  load(from, single);
-  to = __builtin_convertvector(single, Doubles);
-}
-
-/// Values a and b at the ends of an edge, at its quarters: a + (b - a) / 4 and b - (b - a) / 4. Its own transpose.
-template <class V> [[gnu::always_inline]] inline void quarters(const V& a, const V& b, V& low, V& high) {
-  const V step = (b - a) * 0.25F;
-  low = a + step;
-  high = b - step;
-}
-/// Derivatives along x do not depend on x in a cell, and so on: four values of each at its eight points.
-template <class V> struct Slopes {
-  V x[4], y[4], z[4];  // by y + 2 z, by x + 2 z, by x + 2 y
-};
-
-template <class V, class S>
-[[gnu::always_inline]] inline void slopes_of(const V (&u)[8], const S* inverse_edges, Slopes<V>& out) {
-  V low[4], high[4], d[4], a, b, c, e;
-  for (int r = 0; r < 4; ++r) {
-    d[r] = (u[2 * r + 1] - u[2 * r]) * inverse_edges[0];
-    quarters(u[2 * r], u[2 * r + 1], low[r], high[r]);
-  }
-  quarters(d[0], d[1], a, b);
-  quarters(d[2], d[3], c, e);
-  quarters(a, c, out.x[0], out.x[2]);
-  quarters(b, e, out.x[1], out.x[3]);
-  quarters<V>((low[1] - low[0]) * inverse_edges[1], (low[3] - low[2]) * inverse_edges[1], out.y[0], out.y[2]);
-  quarters<V>((high[1] - high[0]) * inverse_edges[1], (high[3] - high[2]) * inverse_edges[1], out.y[1], out.y[3]);
-  quarters<V>((low[2] - low[0]) * inverse_edges[2], (low[3] - low[1]) * inverse_edges[2], out.z[0], out.z[2]);
-  quarters<V>((high[2] - high[0]) * inverse_edges[2], (high[3] - high[1]) * inverse_edges[2], out.z[1], out.z[3]);
-}
-
-/// Transpose of slopes_of.
-template <class V, class S>
-[[gnu::always_inline]] inline void from_slopes(const Slopes<V>& in, const S* inverse_edges, V (&f)[8]) {
-  V low[4], high[4], d[4], a, b, c, e;
-  quarters(in.x[0], in.x[2], a, c);
-  quarters(in.x[1], in.x[3], b, e);
-  quarters(a, b, d[0], d[1]);
-  quarters(c, e, d[2], d[3]);
-  for (int r = 0; r < 4; ++r) d[r] *= inverse_edges[0];
-  V p, q, s, t;
-  quarters(in.y[0], in.y[2], p, q);
-  quarters(in.z[0], in.z[2], s, t);
-  p *= inverse_edges[1], q *= inverse_edges[1], s *= inverse_edges[2], t *= inverse_edges[2];
-  low[0] = -p - s;
-  low[1] = p - t;
-  low[2] = s - q;
-  low[3] = q + t;
-  quarters(in.y[1], in.y[3], p, q);
-  quarters(in.z[1], in.z[3], s, t);
-  p *= inverse_edges[1], q *= inverse_edges[1], s *= inverse_edges[2], t *= inverse_edges[2];
-  high[0] = -p - s;
-  high[1] = p - t;
-  high[2] = s - q;
-  high[3] = q + t;
-  for (int r = 0; r < 4; ++r) {
-    quarters(low[r], high[r], f[2 * r], f[2 * r + 1]);
-    f[2 * r] -= d[r];
-    f[2 * r + 1] += d[r];
-  }
-}
+using namespace kernels;
 
 /// f += K u for the layers [begin, end) of cells.
-template <class T, class V>
-[[gnu::always_inline]] inline void add_layers(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
-  const T inverse_edges[3] = {T(grid.inverse_edges[0]), T(grid.inverse_edges[1]), T(grid.inverse_edges[2])};
-  const std::size_t nodes = grid.nodes();
-  for (Index k = begin; k < end; ++k)
-    for (Index j = 0; j < grid.cells[1]; ++j)
-      for (Index i = 0; i < grid.row; i += W) {
-        const std::size_t block = grid.block(i, j, k);
-        if (grid.empty[block]) continue;
-        const float* weights = grid.stiffness.data() + block * 16 * W;
-        std::size_t at[8];
-        for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
-        Slopes<V> g[3], s[3];
-        for (int c = 0; c < 3; ++c) {
-          V corner[8];
-          for (int a = 0; a < 8; ++a) load(u + c * nodes + at[a], corner[a]);
-          slopes_of(corner, inverse_edges, g[c]);
-        }
+struct Elastic {
+  template <class T, class V> [[gnu::always_inline]] static inline void layers(const CellGrid& grid, const T* const* u,
+                                                                               T* const* f, int count, Index begin,
+                                                                               Index end) {
+    const T inverse_edges[3] = {T(grid.inverse_edges[0]), T(grid.inverse_edges[1]), T(grid.inverse_edges[2])};
+    const std::size_t nodes = grid.nodes();
+    for (Index k = begin; k < end; ++k)
+      for (Index j = 0; j < grid.cells[1]; ++j)
+        for (int r = 0; r < count; ++r)  // what a row weighs stays in the cache
+          for (Index i = 0; i < grid.row; i += W) {
+            const std::size_t block = grid.block(i, j, k);
+            if (grid.empty[block]) continue;
+            const float* weights = grid.stiffness.data() + block * 16 * W;
+            std::size_t at[8];
+            for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
+            Slopes<V> g[3], s[3];
+            for (int c = 0; c < 3; ++c) {
+              V corner[8];
+              for (int a = 0; a < 8; ++a) load(u[r] + c * nodes + at[a], corner[a]);
+              slopes_of(corner, inverse_edges, g[c]);
+            }
 #pragma GCC unroll 8
-        for (int q = 0; q < 8; ++q) {
-          const int yz = q >> 1, xz = (q & 1) + (q >> 2 << 1), xy = q & 3;
-          V shear, across;
-          load_weights(weights + q * W, shear);
-          load_weights(weights + (q + 8) * W, across);
-          const V twice = shear + shear, pressure = across * (g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
-          const V xx = twice * g[0].x[yz] + pressure, yy = twice * g[1].y[xz] + pressure,
-                  zz = twice * g[2].z[xy] + pressure;
-          const V shear_xy = shear * (g[0].y[xz] + g[1].x[yz]), shear_xz = shear * (g[0].z[xy] + g[2].x[yz]),
-                  shear_yz = shear * (g[1].z[xy] + g[2].y[xz]);
-          const bool first_x = (q & 1) == 0, first_y = (q & 2) == 0, first_z = (q & 4) == 0;
-          s[0].x[yz] = first_x ? xx : s[0].x[yz] + xx;
-          s[1].x[yz] = first_x ? shear_xy : s[1].x[yz] + shear_xy;
-          s[2].x[yz] = first_x ? shear_xz : s[2].x[yz] + shear_xz;
-          s[0].y[xz] = first_y ? shear_xy : s[0].y[xz] + shear_xy;
-          s[1].y[xz] = first_y ? yy : s[1].y[xz] + yy;
-          s[2].y[xz] = first_y ? shear_yz : s[2].y[xz] + shear_yz;
-          s[0].z[xy] = first_z ? shear_xz : s[0].z[xy] + shear_xz;
-          s[1].z[xy] = first_z ? shear_yz : s[1].z[xy] + shear_yz;
-          s[2].z[xy] = first_z ? zz : s[2].z[xy] + zz;
-        }
-        for (int c = 0; c < 3; ++c) {
-          V corner[8];
-          from_slopes(s[c], inverse_edges, corner);
-          for (int a = 0; a < 8; ++a) add_to(f + c * nodes + at[a], corner[a]);
-        }
-      }
-}
-
-template <class T> using Layers = void (*)(const CellGrid&, const T*, T*, Index, Index);
-template <class T, class V> void plain(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
-  add_layers<T, V>(grid, u, f, begin, end);
-}
-#if defined(__x86_64__) && !defined(EFREE_SSE2_KERNELS)
-template <class T, class V>
-[[gnu::target("avx2,fma")]] void wide(const CellGrid& grid, const T* u, T* f, Index begin, Index end) {
-  add_layers<T, V>(grid, u, f, begin, end);
-}
-#if !defined(EFREE_AVX2_KERNELS)
-template <class T, class V> [[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const CellGrid& grid,
-                                                                                        const T* u, T* f, Index begin,
-                                                                                        Index end) {
-  add_layers<T, V>(grid, u, f, begin, end);  // twice the registers
-}
-#endif
-template <class T, class V> Layers<T> kernel() {
-#if !defined(EFREE_AVX2_KERNELS)
-  if (__builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512dq")) return wider<T, V>;
-#endif
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return wide<T, V>;
-  return plain<T, V>;
-}
-#else
-template <class T, class V> Layers<T> kernel() {
-  return plain<T, V>;
-}
-#endif
-
-/// Calls body(begin, end, first) for chunks of layers of cells: `first` concurrently for every other one, then for the
-/// rest, as neighbours share nodes.
-/// Small grids are one chunk.
-template <class Body> void for_layers(const std::array<Index, 3>& cells, const Body& body) {
-  const Index chunk = std::max(4, 16384 / (cells[0] * cells[1])), chunks = (cells[2] + chunk - 1) / chunk;
-  for (Index parity = 0; parity < 2; ++parity)
-    parallel_chunks((chunks + 1 - parity) / 2, 1, [&](Index begin, Index end) {
-      for (Index c = begin; c < end; ++c) {
-        const Index first = (2 * c + parity) * chunk;
-        body(first, std::min(first + chunk, cells[2]), parity == 0);
-      }
-    });
-}
-
-template <class T, class V> void product(const CellGrid& grid, const T* u, T* f) {
-  static const Layers<T> add = kernel<T, V>();
-  const std::size_t plane = grid.node(0, 0, 1), nodes = grid.nodes();
-  for_layers(grid.cells, [&](Index begin, Index end, bool first) {
-    // Planes of nodes that no chunk before has set to zero.
-    const Index low = first ? begin : begin + 1, high = first || end == grid.cells[2] ? end + 1 : end;
-    for (int c = 0; c < 3; ++c) std::fill(f + c * nodes + plane * low, f + c * nodes + plane * high, T(0));
-    add(grid, u, f, begin, end);
-  });
-}
+            for (int q = 0; q < 8; ++q) {
+              const int yz = q >> 1, xz = (q & 1) + (q >> 2 << 1), xy = q & 3;
+              V shear, across;
+              load_weights(weights + q * W, shear);
+              load_weights(weights + (q + 8) * W, across);
+              const V twice = shear + shear, pressure = across * (g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
+              const V xx = twice * g[0].x[yz] + pressure, yy = twice * g[1].y[xz] + pressure,
+                      zz = twice * g[2].z[xy] + pressure;
+              const V shear_xy = shear * (g[0].y[xz] + g[1].x[yz]), shear_xz = shear * (g[0].z[xy] + g[2].x[yz]),
+                      shear_yz = shear * (g[1].z[xy] + g[2].y[xz]);
+              const bool first_x = (q & 1) == 0, first_y = (q & 2) == 0, first_z = (q & 4) == 0;
+              s[0].x[yz] = first_x ? xx : s[0].x[yz] + xx;
+              s[1].x[yz] = first_x ? shear_xy : s[1].x[yz] + shear_xy;
+              s[2].x[yz] = first_x ? shear_xz : s[2].x[yz] + shear_xz;
+              s[0].y[xz] = first_y ? shear_xy : s[0].y[xz] + shear_xy;
+              s[1].y[xz] = first_y ? yy : s[1].y[xz] + yy;
+              s[2].y[xz] = first_y ? shear_yz : s[2].y[xz] + shear_yz;
+              s[0].z[xy] = first_z ? shear_xz : s[0].z[xy] + shear_xz;
+              s[1].z[xy] = first_z ? shear_yz : s[1].z[xy] + shear_yz;
+              s[2].z[xy] = first_z ? zz : s[2].z[xy] + zz;
+            }
+            for (int c = 0; c < 3; ++c) {
+              V corner[8];
+              from_slopes(s[c], inverse_edges, corner);
+              for (int a = 0; a < 8; ++a) add_to(f[r] + c * nodes + at[a], corner[a]);
+            }
+          }
+  }
+};
 
 }  // namespace
 
-CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& shear,
-                   const std::vector<float>& across)
+CellLayout::CellLayout(const std::array<Index, 3>& cells_, const Vec<3>& edges_)
     : cells(cells_), edges(edges_), row((cells_[0] + lanes - 1) / lanes * lanes), pitch(row + lanes) {
   for (int d = 0; d < 3; ++d) inverse_edges[d] = 1.0 / edges[d];
+}
+
+CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& shear,
+                   const std::vector<float>& across)
+    : CellLayout(cells_, edges_) {
   const std::size_t blocks = static_cast<std::size_t>(row / lanes) * cells[1] * cells[2];
   stiffness.assign(blocks * 16 * lanes, 0.0F);
   empty.assign(blocks, 1);
@@ -223,10 +98,16 @@ CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, con
 }
 
 void CellGrid::apply(const float* u, float* f) const {
-  product<float, Floats>(*this, u, f);
+  apply(&u, &f, 1);
 }
 void CellGrid::apply(const double* u, double* f) const {
-  product<double, Doubles>(*this, u, f);
+  apply(&u, &f, 1);
+}
+void CellGrid::apply(const float* const* u, float* const* f, int count) const {
+  product<Elastic, float, Floats>(*this, 3, u, f, count);
+}
+void CellGrid::apply(const double* const* u, double* const* f, int count) const {
+  product<Elastic, double, Doubles>(*this, 3, u, f, count);
 }
 
 namespace {

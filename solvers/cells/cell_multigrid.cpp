@@ -115,6 +115,16 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
       }
     });
   }
+  // Held by far stiffer springs, and projected after each solution.
+  constexpr double far_stiffer = 1e4;
+  for (const ObliqueNode& at : coarsest.oblique)
+    for (int r = 0; r < 3; ++r)
+      for (int s = 0; s <= r; ++s) {
+        const std::size_t row = r * grid.nodes() + at.node, column = s * grid.nodes() + at.node;
+        if (unknown[row] < 0 || unknown[column] < 0) continue;
+        const double stiffness = far_stiffer / coarsest.inverse_diagonal[row];
+        entries.emplace_back(unknown[row], unknown[column], stiffness * ((r == s ? 1.0 : 0.0) - at.free(r, s)));
+      }
   const auto size = static_cast<Index>(coarsest_dofs_.size());
   SymmetricMatrix K(size, size);
   K.setFromTriplets(entries.begin(), entries.end());
@@ -143,6 +153,7 @@ void CellMultigrid::smooth(std::size_t l, bool from_zero) {
       continue;
     }
     problem.grid.apply(w.x.data(), w.rest.data());
+    problem.project(w.rest);
     if (s == 0)
       for_all(w.b.size(), [&](std::size_t i) {
         w.step[i] = take * inverse[i] * (w.b[i] - w.rest[i]);
@@ -165,15 +176,19 @@ const SingleField& CellMultigrid::cycle(std::size_t l) {
     for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) b[i] = w.b[coarsest_dofs_[i]];
     const Vector x = coarsest_->solve(b);
     for (std::size_t i = 0; i < coarsest_dofs_.size(); ++i) w.x[coarsest_dofs_[i]] = static_cast<float>(x[i]);
+    grids_[l]->project(w.x);
     return w.x;
   }
   const CellProblem &fine = *grids_[l], &coarse = *grids_[l + 1];
   smooth(l, true);
   fine.grid.apply(w.x.data(), w.rest.data());
   for_all(w.b.size(), [&](std::size_t i) { w.rest[i] = fine.inverse_diagonal[i] > 0.0F ? w.b[i] - w.rest[i] : 0.0F; });
+  fine.project(w.rest);
   restrict_to(coarse, fine.grid, w.rest, work_[l + 1].b);
+  coarse.project(work_[l + 1].b);
   prolong(coarse, fine, cycle(l + 1), w.x);
   for_all(w.b.size(), [&](std::size_t i) { w.x[i] = fine.inverse_diagonal[i] > 0.0F ? w.x[i] : 0.0F; });
+  fine.project(w.x);
   smooth(l, false);
   return w.x;
 }

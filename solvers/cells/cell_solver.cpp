@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/solvers/cells/internal/cell_multigrid.hpp"
+#include "efree/solvers/cells/internal/interface_energy.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -19,12 +20,12 @@ using internal::Field, internal::HeldSide, internal::SingleField, internal::for_
 constexpr double energy_rounding = 1e-18;
 
 /// Solves the problem of grid l from u, which has the prescribed displacements. In scaled units.
-CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& precondition, const CellOptions& options,
-                  const Stage& stage, Field& u) {
+CellLevel iterate(const CellProblem& problem, const Field& load, std::size_t l, CellMultigrid& precondition,
+                  const CellOptions& options, const Stage& stage, Field& u) {
   const CellGrid& grid = problem.grid;
   const std::size_t dofs = grid.size();
   const float* inverse = problem.inverse_diagonal.data();
-  const bool loaded = !problem.load.empty();
+  const bool loaded = !load.empty();
   Field r(dofs), p = zeros<double>(dofs), Ap(dofs);
   const auto energy_of = [&] {
     grid.apply(u.data(), Ap.data());
@@ -36,7 +37,8 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
   };
   CellLevel found{.edges = problem.edges, .cells = problem.num_cells()};
   double energy = energy_of(), rz = 0.0;
-  for_all(dofs, [&](std::size_t i) { r[i] = inverse[i] > 0.0F ? (loaded ? problem.load[i] : 0.0) - Ap[i] : 0.0; });
+  for_all(dofs, [&](std::size_t i) { r[i] = inverse[i] > 0.0F ? (loaded ? load[i] : 0.0) - Ap[i] : 0.0; });
+  problem.project(r);
   for (;; ++found.iterations) {
     stage.check();
     // In single precision small numbers keep their digits only if scaled.
@@ -65,14 +67,15 @@ CellLevel iterate(const CellProblem& problem, std::size_t l, CellMultigrid& prec
       u[i] += alpha * p[i];
       r[i] -= alpha * Ap[i];
     });
+    problem.project(r);
     if (loaded) energy = energy_of();  // loads make it grow on the way
   }
   energy = energy_of();
-  if (loaded) for_all(dofs, [&](std::size_t i) { Ap[i] -= problem.load[i]; });
+  if (loaded) for_all(dofs, [&](std::size_t i) { Ap[i] -= load[i]; });
   found.reactions = problem.reactions(Ap);
   if (!std::isfinite(energy)) throw NumericalError("the strain energy on cells is not finite");
   found.strain_energy = energy > nothing() ? 0.5 * energy : 0.0;
-  found.potential = found.strain_energy - (loaded ? dot(u, problem.load) : 0.0);
+  found.potential = found.strain_energy - (loaded ? dot(u, load) : 0.0);
   return found;
 }
 
@@ -85,63 +88,91 @@ Points<3> at_points(const CellProblem& problem, const Field& u) {
     for (Index j = 0; j <= n[1]; ++j)
       for (Index i = 0; i <= n[0]; ++i, ++point)
         for (int c = 0; c < 3; ++c) displacement(c, point) = u[problem.dof(c, {i, j, k})];
+  if (!problem.axes.isIdentity(0.0)) displacement = problem.axes * displacement;
   return displacement;
+}
+
+/// A strain energy or potential with the compliance that interfaces lack: it falls where displacements are prescribed
+/// (layers in series), and changes by the work of the loads where these are.
+double softened(double value, const CellLevel& level) {
+  if (level.interface_energy == 0.0 || level.strain_energy == 0.0) return value;
+  const double lacking = level.interface_energy / level.strain_energy,
+               sign = std::clamp(level.potential / level.strain_energy, -1.0, 1.0);
+  return sign >= 0.0 ? value / (1.0 + sign * lacking) : value * (1.0 - sign * lacking);
 }
 
 /// What the finest grid leaves: from the last two grids at the rate of the last three.
 void tell_error(CellSolution& solution) {
   const auto& levels = solution.levels;
-  solution.extrapolated_energy = levels[0].strain_energy;
-  if (levels.size() < 2 || levels[0].strain_energy == 0.0) return;
-  const double last = levels[1].potential - levels[0].potential;
+  const double energy = levels[0].strain_energy;
+  solution.extrapolated_energy = energy;
+  if (energy == 0.0) return;
+  solution.interface_error = std::sqrt(levels[0].interface_energy / energy);
+  solution.extrapolated_energy = softened(levels[0].strain_energy, levels[0]);
+  if (levels.size() < 2) return;
+  const auto potential = [&](std::size_t l) { return softened(levels[l].potential, levels[l]); };
+  const double last = potential(1) - potential(0);
   double rate = 1.0;
   if (levels.size() > 2) {
-    const double before = levels[2].potential - levels[1].potential;
+    const double before = potential(2) - potential(1);
     if (before > 0.0 && last > 0.0) rate = std::clamp(std::log2(before / last), 1.0, 2.0);
   }
   const double share = 1.0 / (std::pow(2.0, rate) - 1.0);
-  solution.extrapolated_energy += share * (levels[0].strain_energy - levels[1].strain_energy);
-  solution.grid_error = std::sqrt(share * std::abs(last) / levels[0].strain_energy);
+  solution.extrapolated_energy += share * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
+  solution.grid_error = std::sqrt(share * std::abs(last) / energy);
 }
 
 }  // namespace
 
-CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
-                            const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
-                            const CellOptions& options, const Monitor& monitor) {
+std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
+                                               const std::vector<DisplacementCondition<3>>& conditions,
+                                               const std::vector<Loads<3>>& cases, const CellOptions& options,
+                                               const Monitor& monitor) {
   const CellProblems problems = [&] {
     const Stage stage("assembly", monitor);
-    return internal::make_cell_problems(image, materials, conditions, loads, options);
+    return internal::make_cell_problems(image, materials, conditions, cases, options);
   }();
   const Stage stage("solve", monitor);
   CellMultigrid precondition(problems.grids);
-  CellSolution solution;
-  Field u;
-  for (std::size_t l = problems.grids.size(); l-- > 0;) {
-    const CellProblem& problem = *problems.grids[l];
-    Field start = zeros<double>(problem.grid.size());
-    if (!u.empty()) prolong(*problems.grids[l + 1], problem, u, start);
-    u = std::move(start);
-    problem.set_held(u);
-    CellLevel found = iterate(problem, l, precondition, options, stage, u);
-    if (problems.shrunk && problem.grid.cells == problems.shrunk->cells && found.strain_energy > 0.0) {
-      Field f(u.size());
-      problems.shrunk->apply(u.data(), f.data());
-      solution.half_voxel = std::abs(0.5 * dot(u, f) / found.strain_energy - 1.0);
+  std::vector<CellSolution> solutions(cases.size());
+  for (std::size_t c = 0; c < cases.size(); ++c) {
+    CellSolution& solution = solutions[c];
+    solution.axes = image.axes;
+    Field u;
+    for (std::size_t l = problems.grids.size(); l-- > 0;) {
+      const CellProblem& problem = *problems.grids[l];
+      Field start = zeros<double>(problem.grid.size());
+      if (!u.empty()) prolong(*problems.grids[l + 1], problem, u, start);
+      u = std::move(start);
+      problem.set_held(u);
+      CellLevel found = iterate(problem, problem.loads[c], l, precondition, options, stage, u);
+      if (problems.shrunk && problem.grid.cells == problems.shrunk->cells && found.strain_energy > 0.0) {
+        Field f(u.size());
+        problems.shrunk->apply(u.data(), f.data());
+        solution.half_voxel = std::abs(0.5 * dot(u, f) / found.strain_energy - 1.0);
+      }
+      found.strain_energy *= problems.unit;
+      found.potential *= problems.unit;
+      for (auto& [side, reaction] : found.reactions) reaction = reaction * problems.unit;
+      if (l <= 2) {
+        solution.grid = {image.origin, problem.edges, problem.grid.cells};
+        solution.displacement = at_points(problem, u);
+        found.interface_energy = internal::interface_energy(solution, image, materials);
+        if (l > 0) found.displacement = std::move(solution.displacement);
+      }
+      solution.levels.insert(solution.levels.begin(), found);
+      stage.tick((static_cast<double>(c) + std::pow(8.0, -static_cast<double>(l))) / static_cast<double>(cases.size()));
     }
-    found.strain_energy *= problems.unit;
-    found.potential *= problems.unit;
-    for (auto& [side, reaction] : found.reactions) reaction = reaction * problems.unit;
-    if (l == 1 || l == 2) found.displacement = at_points(problem, u);
-    solution.levels.insert(solution.levels.begin(), found);
-    stage.tick(std::pow(8.0, -static_cast<double>(l)));
+    tell_error(solution);
+    solution.applied = problems.applied[c];
   }
-  tell_error(solution);
-  const CellProblem& finest = *problems.grids.front();
-  solution.applied = problems.applied;
-  solution.grid = {image.origin, finest.edges, finest.grid.cells};
-  solution.displacement = at_points(finest, u);
-  return solution;
+  return solutions;
+}
+
+CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
+                            const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
+                            const CellOptions& options, const Monitor& monitor) {
+  return solve_cases_on_cells(image, materials, conditions, {loads}, options, monitor).front();
 }
 
 }  // namespace efree

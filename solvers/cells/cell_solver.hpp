@@ -9,6 +9,7 @@
 #include "efree/materials/material.hpp"
 #include "efree/solvers/algorithms/static_analysis.hpp"
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -26,10 +27,12 @@ inline constexpr double cell_memory = 320.0;
 
 /// How fine and how exact a solution on cells is.
 struct CellOptions {
-  double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
-  double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
-  int most = 200;           ///< iterations on a grid after which it is given up
-  bool half_voxel = false;  ///< also say what half a voxel changes
+  double size = 0.0;                           ///< wanted edge of a cell [length]; 0: two voxels
+  double tolerance = 5e-4;                     ///< of the iterations: relative error in the energy norm
+  int most = 200;                              ///< iterations on a grid after which it is given up
+  bool half_voxel = false;                     ///< also say what half a voxel changes
+  bool held = false;                           ///< refuse a problem whose largest body may move as a whole
+  std::map<std::string, std::string> sides{};  ///< other names that conditions and loads have for sides
 };
 
 /// What was found on one grid.
@@ -40,6 +43,9 @@ struct CellLevel {
   double strain_energy = 0.0;    ///< [force * length]
   double potential = 0.0;        ///< strain energy less the work of the loads
   double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
+  /// Of the three finest grids: what cells with several materials store too little under their tractions [force *
+  /// length]: the compliance of layers that they lack.
+  double interface_energy = 0.0;
   /// By side on which something is prescribed: the force and moment by which that holds the body. Where sides meet each
   /// has a like share of what both prescribe; what iterations leave out of balance goes to the sides that hold its
   /// direction, so that reactions balance the loads to rounding.
@@ -51,13 +57,20 @@ struct CellLevel {
 /// What was found on the finest grid, and on the coarser ones before it.
 struct CellSolution {
   Lattice grid;
-  Points<3> displacement;         ///< 3 x points of the grid; continued to points of void next to the body, 0 beyond
-  std::vector<CellLevel> levels;  ///< ascending edges: the answer's own grid first
+  Mat<3> axes = Mat<3>::Identity();  ///< of the image: the grid is turned so about its origin
+  Points<3> displacement;  ///< in the world's axes, 3 x points of the grid; continued to points of void next to the
+                           ///< body, 0 beyond
+  std::vector<CellLevel> levels;        ///< ascending edges: the answer's own grid first
   std::vector<AppliedLoad<3>> applied;  ///< the loads, as the finest grid has them
-  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids.
+  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids, less that of
+  /// interfaces.
   double grid_error = 0.0;
+  /// Relative error in the energy norm of cells with several materials: the root of CellLevel::interface_energy over
+  /// the strain energy.
+  double interface_error = 0.0;
   /// Strain energy extrapolated to cells without size from the last two grids at the rate of the last three, between
-  /// one and two (that of smooth fields and boundaries; re-entrant corners and noise come with less).
+  /// between one and two (that of smooth fields and boundaries; re-entrant corners and noise come with less), with the
+  /// compliance that interfaces lack.
   double extrapolated_energy = 0.0;
 
   /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
@@ -75,12 +88,20 @@ struct CellSolution {
 /// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of each
 /// octant (of more than two voxels a side: at points two voxels apart, and their mean). Conditions and loads are on the
 /// sides of the frame: "left", "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the
-/// grid's points. Bodies that nothing holds and nothing loads do not count. Bitwise the same on any number of threads;
-/// memory: cell_memory.
+/// grid's points. All vectors are in the world's axes, along which the image need not be. Bodies that nothing holds and
+/// nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
-/// or with one that is not isotropic, conditions elsewhere than on sides, body forces, a body that is loaded but not
-/// held, or too little memory; NumericalError if the iterations break down or do not end.
+/// or with one that is not isotropic, conditions elsewhere than on sides, mass forces without a density for
+/// every label (Loads::density, by label), a body that is loaded but not held, or too little memory; NumericalError if
+/// the iterations break down or do not end.
+///
+/// One solution for each load case, with one hierarchy of grids.
+std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
+                                               const std::vector<DisplacementCondition<3>>& conditions,
+                                               const std::vector<Loads<3>>& cases, const CellOptions& options = {},
+                                               const Monitor& monitor = {});
+/// Of one case.
 CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                             const std::vector<DisplacementCondition<3>>& conditions, const Loads<3>& loads,
                             const CellOptions& options = {}, const Monitor& monitor = {});

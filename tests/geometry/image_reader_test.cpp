@@ -142,9 +142,9 @@ TEST_F(ReadImage, VolumesComeWithTheirSpacing) {
       read_image<3>(put("a.raw", "head" + std::string("\0\1\0\0\0\2\0\2\0\0\0\3\0\1\0\1", 16)),
                     {.raw = RawImage<3>{.size = {2, 2, 2}, .type = "uint16", .big_endian = true, .header = 4}});
   EXPECT_EQ(raw.labels, eight_labels);
-  // Pages of a stack stand upright one by one: "ab cd" from the top becomes "cd ab" from the bottom.
+  // A stack is the array that it is in any other format, not its mirror image.
   EXPECT_EQ(read_image<3>(put("stack.tiff", tiff(2, 2, {"\1\2\3\4"s, "\5\6\7\0"s}))).labels,
-            (std::vector<Label>{3, 4, 1, 2, 7, 0, 5, 6}));
+            (std::vector<Label>{1, 2, 3, 4, 5, 6, 7, 0}));
 }
 
 TEST_F(ReadImage, WritesWhatItReads) {
@@ -199,7 +199,7 @@ TEST_F(ReadImage, GreyValuesAreThoseOfTheFile) {
   EXPECT_EQ(picture.values, (std::vector<float>{2, 2, 0, 0, 1, 2}));
   EXPECT_EQ(picture.size, (std::array<Index, 2>{3, 2}));
   const auto stack = read_grey_image<3>(put("a.tif", tiff(2, 2, {"\1\2\3\4", "\5\6\7\10"})), {.spacing = {0.5}});
-  EXPECT_EQ(stack.values, (std::vector<float>{3, 4, 1, 2, 7, 8, 5, 6}));
+  EXPECT_EQ(stack.values, (std::vector<float>{1, 2, 3, 4, 5, 6, 7, 8}));
   EXPECT_EQ(stack.spacing, Vec<3>::Constant(0.5));
   const float values[4] = {0.25f, -1e9f, 2.0f, 0.0f};
   const std::string floats = put("a.raw", std::string(reinterpret_cast<const char*>(values), sizeof values));

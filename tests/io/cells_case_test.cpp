@@ -7,6 +7,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <vtkCellData.h>
+#include <vtkDataArray.h>
+#include <vtkImageData.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkXMLImageDataReader.h>
 #include <cmath>
 
 namespace efree {
@@ -80,12 +86,89 @@ TEST(CellsCase, AreWhatImagesInSpaceAreSolvedOnAndSayTheirError) {
   ASSERT_EQ(run.status, 0) << run.output;
   const auto result = json(work / "out/result.json");
   EXPECT_FALSE(fs::exists(work / "out/nodes.vtu"));
-  EXPECT_TRUE(fs::exists(work / "out/fields.vtu"));
+  EXPECT_TRUE(fs::exists(work / "out/fields.vti"));
   ASSERT_GE(result["grids"].size(), 2U);
   EXPECT_GT(result["grids"][1]["strain_energy"], result["grids"][0]["strain_energy"]);
   EXPECT_LT(result["strain_energy_extrapolated"], result["strain_energy"]);
   EXPECT_LT(result["estimates"]["energy"]["total"], 0.1);
   EXPECT_GT(result["estimates"]["energy"]["image"], 0.0);
+}
+
+TEST(CellsCase, FieldsAreOnTheGridWithVoidHidden) {
+  const Ball work(ball_case);
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const vtkNew<vtkXMLImageDataReader> reader;
+  reader->SetFileName((work / "out/fields.vti").c_str());
+  reader->Update();
+  vtkImageData* grid = reader->GetOutput();
+  int dimensions[3];
+  grid->GetDimensions(dimensions);
+  vtkDataArray *u = grid->GetPointData()->GetArray("displacement"), *region = grid->GetCellData()->GetArray("region"),
+               *solid = grid->GetCellData()->GetArray("solid"), *stress = grid->GetCellData()->GetArray("stress"),
+               *hidden = grid->GetCellData()->GetArray("vtkGhostType");
+  ASSERT_TRUE(u && region && solid && stress && hidden);
+  EXPECT_STREQ(stress->GetComponentName(4), "xz");
+  double material = 0.0, mean = 0.0;
+  for (vtkIdType c = 0; c < grid->GetNumberOfCells(); ++c) {
+    material += solid->GetTuple1(c);
+    mean += solid->GetTuple1(c) * stress->GetComponent(c, 2);
+    EXPECT_EQ(hidden->GetTuple1(c) != 0.0, solid->GetTuple1(c) == 0.0);
+    EXPECT_EQ(region->GetTuple1(c), solid->GetTuple1(c) > 0.0 ? 0.0 : -1.0);
+  }
+  const double cells = static_cast<double>(grid->GetNumberOfCells()), ball = 4.0 / 3.0 * M_PI * 512.0 / 8.0;
+  EXPECT_NEAR(material / cells, 1.0 - ball / (n * n * n), 2e-3);
+  for (vtkIdType p = 0; p < grid->GetNumberOfPoints(); ++p)
+    if (grid->GetPoint(p)[2] == n) {
+      EXPECT_NEAR(u->GetComponent(p, 2), 0.24, 1e-6);
+    }
+  // The mean stress in the box times its length is twice the energy over the strain.
+  const double energy = json(work / "out/result.json")["strain_energy"];
+  EXPECT_NEAR(mean / cells * 0.01 * n * n * n, 2.0 * energy, 0.01 * energy);
+}
+
+TEST(CellsCase, ProbesExtremesAndEnergyAreThoseOnAMesh) {
+  const std::string probes =
+      "[[probe]]\nname = \"corner\"\nat = [24, 24, 24]\n[[probe]]\nname = \"inside\"\nat = [15, 14, 13]\n";
+  const Ball grid(ball_case + probes), mesh(ball_case + probes + "[output]\nmesh = true\n");
+  ASSERT_EQ(grid.efree({"solve", "case.toml", "--out", "out"}).status, 0);
+  ASSERT_EQ(mesh.efree({"solve", "case.toml", "--out", "out"}).status, 0);
+  EXPECT_FALSE(fs::exists(grid / "out/fields.vtu"));
+  EXPECT_TRUE(fs::exists(mesh / "out/fields.vtu"));
+  const auto one = json(grid / "out/result.json"), other = json(mesh / "out/result.json");
+  EXPECT_EQ(one["strain_energy"], other["strain_energy"]);
+  EXPECT_EQ(one["reactions"]["bottom"], other["reactions"]["bottom"]);
+  for (const char* name : {"corner", "inside"}) {
+    EXPECT_EQ(one["probes"][name]["displacement"], other["probes"][name]["displacement"]) << name;
+    EXPECT_EQ(one["probes"][name]["error"], other["probes"][name]["error"]) << name;
+    for (int c = 0; c < 6; ++c)
+      EXPECT_NEAR(one["probes"][name]["stress"][c], other["probes"][name]["stress"][c], 2e-4) << name << c;
+  }
+  EXPECT_NEAR(one["extremes"]["displacement"]["value"], other["extremes"]["displacement"]["value"], 0.01);
+  EXPECT_NEAR(one["extremes"]["von_mises"]["value"], other["extremes"]["von_mises"]["value"],
+              0.15 * other["extremes"]["von_mises"]["value"].get<double>());
+  EXPECT_NEAR(one["by_region"]["1"]["volume"], n * n * n - 4.0 / 3.0 * M_PI * 512.0 / 8.0, 30.0);
+}
+
+TEST(CellsCase, SelectionsThatCoverASideAreThatSide) {
+  const Ball named(ball_case);
+  ASSERT_EQ(named.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const double energy = json(named / "out/result.json")["strain_energy"];
+  for (const char* selection : {"{ plane = { point = [1, 2, 24], normal = [0, 0, -2] } }",
+                                "{ box = [[-1, -1, 23.9], [25, 25, 25]] }", "[\"top\"]"}) {
+    const Ball work(replaced(ball_case, "on = \"top\"", std::string("on = ") + selection));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    ASSERT_EQ(run.status, 0) << run.output;
+    EXPECT_TRUE(fs::exists(work / "out/fields.vti")) << selection;
+    EXPECT_EQ(json(work / "out/result.json")["strain_energy"], energy) << selection;
+  }
+}
+
+TEST(CellsCase, FilesAreBitwiseTheSameOnAnyNumberOfThreads) {
+  const Ball work(ball_case);
+  for (const std::string threads : {"1", "2"})
+    ASSERT_EQ(work.efree({"solve", "case.toml", "--out", threads, "--threads", threads}).status, 0);
+  for (const char* file : {"fields.vti", "fields.png"})
+    EXPECT_TRUE(test::content(work / "1" / file) == test::content(work / "2" / file)) << file;
 }
 
 TEST(CellsCase, EnergyIsThatOfQuadraticElementsWithinTheErrorsSaid) {
@@ -140,10 +223,23 @@ INSTANTIATE_TEST_SUITE_P(
     All, WrongCells,
     ::testing::Values(Wrong{"[basis]\nkind = \"cells\"\n[cloud]\nspacing = 4\n", "[cloud] means nothing on cells"},
                       Wrong{"[basis]\nkind = \"cells\"\norder = 2\n", "basis.order means nothing on cells"},
-                      Wrong{"[basis]\nkind = \"cells\"\n[analysis]\nbody_force = [0, 0, 1]\n", "there is a body force"},
                       Wrong{"[basis]\nkind = \"cells\"\n[[boundary]]\non = \"pores\"\npressure = 1\n",
                             "\"pores\" is not a side of the image"},
+                      Wrong{"[[probe]]\nname = \"void\"\nat = [1, 1, 1]\n",
+                            "the probe \"void\" at (1, 1, 1) lies outside"},
+                      Wrong{"[[boundary]]\non = \"topp\"\npressure = 1\n", "topp"},
                       Wrong{"[basis]\nkind = \"cell\"\n", "kind is \"cell\""}));
+
+TEST(CellsCase, BodiesThatMayMoveAndLabelsWithoutMaterialAreRefused) {
+  const Ball loose(replaced(ball_case, "[[boundary]]\non = \"left\"\ndisplacement = [0, \"free\", \"free\"]\n", ""));
+  auto run = loose.efree({"solve", "case.toml", "--out", "out"});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.output, HasSubstr("free to move"));
+  const Ball two(replaced(ball_case, "[material]", "[[material]]\nregion = \"1\""), 2);
+  run = two.efree({"solve", "case.toml", "--out", "out"});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.output, HasSubstr("no [[material]] for the region \"2\""));
+}
 
 }  // namespace
 }  // namespace efree

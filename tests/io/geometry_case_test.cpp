@@ -610,7 +610,8 @@ TEST(ImageCase, VoxelsAreMeshedOnALatticeUnlessDelaunayIsAskedFor) {
   const MadeMesh<3> lattice = mesh_of("mesher = \"lattice\"\n");
   EXPECT_EQ(lattice.mesh.cells.cols(), 4 * 2 * 2 * 6);
   EXPECT_EQ(mesh_of("").mesh.cells, lattice.mesh.cells);
-  EXPECT_TRUE(lattice.remarks.empty());
+  ASSERT_EQ(lattice.remarks.size(), 1u);
+  expect_matches(lattice.remarks[0], "image: 8 x 4 x 4 voxels, spacing 1 x 1 x 1 .nothing says it");
   EXPECT_NE(mesh_of("mesher = \"delaunay\"\nfacet_distance = 0.5\n").mesh.cells.cols(), lattice.mesh.cells.cols());
 
   const auto failure = [&](const std::string& keys) {

@@ -375,7 +375,7 @@ TEST(Inspect, RefusesBadFilesWithOneMessage) {
   work.write("broken.step", "ISO-10303-21;\nHEADER;\n");
   fs::create_directory(work / "folder");
   const std::pair<const char*, const char*> bad[] = {{"none.stl", "there is no file"},
-                                                     {"folder", "is a directory"},
+                                                     {"folder", "there is no image in this folder"},
                                                      {"empty.stl", "empty"},
                                                      {"cut.off", "truncated"},
                                                      {"cut.png", "truncated|broken"},

@@ -8,6 +8,7 @@
 #include "efree/solvers/cells/cell_solver.hpp"
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <functional>
 #include <random>
@@ -243,6 +244,116 @@ TEST(Cells, UnitsDoNotMatter) {
     }
 }
 
+/// Uniaxial under its own weight: tip rho g L^2 / 2 E, energy A rho^2 g^2 L^3 / 6 E.
+TEST(Cells, BarsHangUnderTheirWeightAndAreSolvedTogetherWithOtherCases) {
+  LabelImage<3> image = image_of({6, 6, 24}, [](const Vec<3>& x) -> Label { return x[0] < 3.0 ? 1 : 2; });
+  const double E = 50.0, density = 2.0, g = 0.1, length = 24.0, load = 0.3;
+  for (const bool turned : {false, true}) {
+    if (turned) image.axes = Eigen::AngleAxisd(0.5, Vec<3>(1.0, 2.0, 3.0).normalized()).toRotationMatrix();
+    const Vec<3> down = -image.axes.col(2);
+    Loads<3> weight{.tractions = {}, .mass_forces = {acceleration<3>(Vec<3>(g * down))}}, force{.tractions = {}};
+    weight.density = {Parameter(0.0), Parameter(density), Parameter(density)};
+    force.body_force = [=](const Vec<3>&) { return Vec<3>(density * g * down); };
+    const Loads<3> pull{.tractions = {{"bottom", [=](const Vec<3>&, const Vec<3>& n) { return Vec<3>(load * n); }}}};
+    const auto solutions =
+        solve_cases_on_cells(image, {{}, LinearElastic(E, 0.0), LinearElastic(E, 0.0)}, {clamp<3>("top")},
+                             {weight, force, pull}, {.size = 1.0, .tolerance = 1e-6});
+    ASSERT_EQ(solutions.size(), 3u);
+    const double area = 36.0, tip = density * g * length * length / (2.0 * E);
+    const Vec<3> bottom = image.in_world(image.origin + Vec<3>(3.0, 3.0, 0.0));
+    for (const int of : {0, 1}) {
+      EXPECT_NEAR(displacement_at(solutions[of], 0, bottom).dot(down), tip, 1e-3 * tip) << of;
+      EXPECT_NEAR(solutions[of].extrapolated_energy, area * std::pow(density * g, 2) * std::pow(length, 3) / (6.0 * E),
+                  1e-3 * area * tip);
+      EXPECT_LT((solutions[of].finest().reactions.at("top").force + area * length * density * g * down).norm(), 1e-4);
+      ASSERT_EQ(solutions[of].applied.size(), 1u);
+      EXPECT_LT((solutions[of].applied[0].of.force - area * length * density * g * down).norm(), 1e-5);
+    }
+    EXPECT_EQ(solutions[0].applied[0].kind, "acceleration");
+    EXPECT_NEAR(displacement_at(solutions[2], 0, bottom).dot(down), load * length / E, 1e-5);
+  }
+}
+
+/// The soft side of an interface within a cell takes more strain than a continuous one has: 12 % of the energy here.
+TEST(Cells, InterfacesWithinCellsAreInTheStatedError) {
+  for (const Index interface : {13, 14, 17}) {
+    const auto image = image_of({8, 8, 31}, [&](const Vec<3>& x) -> Label { return x[2] < interface ? 1 : 2; });
+    const std::vector<SharedMaterial> materials{{}, LinearElastic(1000.0, 0.0), LinearElastic(1e6, 0.0)};
+    const double exact = 0.5 * 64.0 * 0.01 / (interface / 1000.0 + (31.0 - interface) / 1e6);
+    const CellSolution solution = solve_on_cells(image, materials, stretched_along_z(0.1), {});
+    const double truth = std::sqrt(solution.finest().strain_energy / exact - 1.0),
+                 stated = std::hypot(solution.grid_error, solution.interface_error);
+    EXPECT_GT(truth, 0.1);
+    EXPECT_GT(stated, 0.8 * truth) << interface;
+    EXPECT_LT(stated, 1.25 * truth) << interface;
+    EXPECT_NEAR(solution.extrapolated_energy, exact, 2e-3 * exact) << interface;
+    const CellSolution along = solve_on_cells(image, materials,
+                                              {symmetry_plane<3>("front"),
+                                               symmetry_plane<3>("bottom"),
+                                               symmetry_plane<3>("left"),
+                                               {"right", {}, [=](const Vec<3>&) { return 0.1; }}},
+                                              {});
+    EXPECT_LT(along.interface_error, 1e-3) << "layers along the load bear it together";
+  }
+}
+
+TEST(Cells, TurnedImagesHaveTheAnswerOfStraightOnesTurned) {
+  LabelImage<3> image = image_of({18, 12, 10}, [](const Vec<3>& x) -> Label { return x[1] < 8.0 || x[0] > 12.0; });
+  image.origin = {2.0, -1.0, 0.5};
+  const auto solve = [&](const std::vector<DisplacementCondition<3>>& supports, const Vec<3>& traction) {
+    Loads<3> loads;
+    loads.tractions = {{"right", [=](const Vec<3>&, const Vec<3>&) { return traction; }}};
+    return solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, supports, loads, {.size = 1.0, .tolerance = 1e-9});
+  };
+  const Vec<3> traction(0.3, -0.2, 0.1);
+  const auto difference = [&](const CellSolution& one, const CellSolution& turned) {
+    const Points<3> back = turned.axes.transpose() * turned.displacement;
+    return (back - one.displacement).cwiseAbs().maxCoeff() / one.displacement.cwiseAbs().maxCoeff();
+  };
+  const std::vector<DisplacementCondition<3>> clamped{
+      moved("left", [](const Vec<3>&) { return Vec<3>::Zero().eval(); })};
+  // Components of the world that are other axes of the image, so that they are held as if they were oblique.
+  DisplacementCondition<3> along_x{"left", {}, {}}, along_y{"left", {}, {}}, both{"bottom", {}, {}};
+  along_x.components[0] = along_y.components[1] = [](const Vec<3>&) { return 0.0; };
+  both.components[0] = [](const Vec<3>&) { return 0.0; };
+  both.components[2] = [](const Vec<3>&) { return 0.1; };
+  DisplacementCondition<3> turned_both{"bottom", {}, {}};
+  turned_both.components[1] = both.components[0];
+  turned_both.components[2] = both.components[2];
+  const DisplacementCondition<3> front = symmetry_plane<3>("front");
+  const CellSolution straight = solve(clamped, traction), parts = solve({along_x, both, front}, traction);
+  for (const double angle : {0.5 * M_PI, 0.4}) {
+    const Vec<3> axis = angle > 1.0 ? Vec<3>::UnitZ().eval() : Vec<3>(1.0, 2.0, -1.0).normalized();
+    image.axes = Eigen::AngleAxisd(angle, axis).toRotationMatrix();
+    const CellSolution turned = solve(clamped, image.axes * traction);
+    EXPECT_LT(difference(straight, turned), 1e-8);
+    EXPECT_LT(
+        (turned.finest().reactions.at("left").force - image.axes * straight.finest().reactions.at("left").force).norm(),
+        1e-8);
+    if (angle < 1.0) continue;
+    const CellSolution turned_parts = solve({along_y, turned_both, front}, image.axes * traction);
+    EXPECT_LT(difference(parts, turned_parts), 1e-6);
+    for (const char* side : {"left", "bottom", "front"}) {
+      const Vec<3> wanted = image.axes * parts.finest().reactions.at(side).force;
+      EXPECT_LT((turned_parts.finest().reactions.at(side).force - wanted).norm(), 1e-6 * traction.norm() * 120.0)
+          << side;
+    }
+  }
+}
+
+TEST(Cells, ObliqueConditionsThatContradictEachOtherAreRefused) {
+  LabelImage<3> image = image_of({8, 8, 8}, [](const Vec<3>&) -> Label { return 1; });
+  image.axes = Eigen::AngleAxisd(0.4, Vec<3>::UnitZ()).toRotationMatrix();
+  const auto held = moved("left", [](const Vec<3>&) { return Vec<3>::Zero().eval(); }),
+             pulled = moved("bottom", [](const Vec<3>&) { return Vec<3>(0.0, 0.1, 0.0); });
+  try {
+    solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, {held, pulled}, {}, {.size = 1.0});
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("contradict each other"), std::string::npos) << error.what();
+  }
+}
+
 TEST(Cells, SidesThatContradictEachOtherAreRefused) {
   const auto image = image_of({8, 8, 8}, [](const Vec<3>&) -> Label { return 1; });
   EXPECT_THROW(solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)},
@@ -255,8 +366,9 @@ TEST(Cells, RefuseWhatTheyCannotDo) {
   const std::vector<SharedMaterial> materials{{}, LinearElastic(1.0, 0.3)};
   EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("pores")}, {}), InputError);
   EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("left")},
-                              {.tractions = {}, .body_force = [](const Vec<3>&) { return Vec<3>(0, 0, 1); }}),
-               InputError);
+                              {.tractions = {}, .mass_forces = {acceleration<3>(Vec<3>(0, 0, 1))}}),
+               InputError)
+      << "no density";
   EXPECT_THROW(solve_on_cells(image, {{}}, {clamp<3>("left")}, {}), InputError);
   EXPECT_THROW(solve_on_cells(image, materials, {clamp<3>("left")}, {}, {.size = -1.0}), InputError);
   // Loaded, but free to move.

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/core/error.hpp"
+#include "efree/core/types.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 
 #include <fmt/format.h>
@@ -18,9 +19,14 @@ namespace efree::internal {
 struct PixelValues {
   std::array<Index, 3> size{1, 1, 1};
   std::array<double, 3> spacing{1.0, 1.0, 1.0}, origin{0.0, 0.0, 0.0};
+  Mat<3> axes = Mat<3>::Identity();  ///< columns: directions of the file's axes in the world, of length 1
+  bool centred = false;              ///< the origin is the centre of the first pixel, not its corner
+  std::string spacing_from;          ///< what in the file says the spacing; empty: nothing, edges are 1
+  std::string world;                 ///< anatomical axes of the world, "LPS", "RAS" or "LAS"; empty: not said
+  std::vector<std::string> doubts;   ///< lengths that had to be guessed, in words
   int components = 1;
   std::string type;                    ///< "uint8", "float32", ...
-  bool top_first = false;              ///< the first row of every layer is the top one
+  bool top_first = false;              ///< the first row is the top one
   std::shared_ptr<const void> shared;  ///< either this, owned by a library,
   std::vector<char> bytes;             ///< or these hold the values, in this machine's order
 
@@ -69,6 +75,16 @@ template <int Dim> PixelValues read_raw(const std::string& path, const RawImage<
 PixelValues read_pnm(const std::string& path);
 /// INRIMAGE-4: a header of 256 bytes (or a multiple) with a setting to every line, then the values; gzip or not.
 PixelValues read_inr(const std::string& path);
+/// NIfTI, gzip or not: voxels as the s-form places them, else the q-form.
+PixelValues read_nifti(const std::string& path);
+/// The slices of a stack, each an image in the plane, in the order of the numbers in their names; x and y as in the
+/// file, so that the array is not mirrored.
+PixelValues read_slices(const std::string& path);
+/// The files of a folder that are images in the plane, or those that a pattern matches, in the order of the numbers in
+/// their names. Throws InputError if there are none, or of several formats.
+std::vector<std::string> slice_files(const std::string& path);
+/// Spacing of a TIFF file by its tags: that of ImageJ, of OME, or resolutions that are no screen's or printer's.
+void read_tiff_spacing(const std::string& path, PixelValues& v);
 /// NRRD, attached or detached (VTK's reader takes three axes for two, and falls over two): lines "key: value" up to an
 /// empty one, then raw, gzip or ascii values.
 PixelValues read_nrrd(const std::string& path, int dim);

@@ -18,6 +18,9 @@ struct ImageRegions {
 /// Checks image and options as mesh_image says, and numbers the regions.
 template <int Dim> ImageRegions image_regions(const LabelImage<Dim>& image, const ImageMeshOptions& options);
 
+/// Turns vertices of a mesh that was made as if the image's axes were those of the world.
+template <int Dim> void turn_to_world(const LabelImage<Dim>& image, Points<Dim>& vertices);
+
 /// The contours between regions and around the material, without points within straight runs. Chains are named "left",
 /// "right", "bottom", "top" on the image's frame, and "pores" inside it.
 PlanarRegions contours(const LabelImage<2>& image, const ImageRegions& regions, Contour contour);

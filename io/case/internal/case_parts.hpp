@@ -21,11 +21,14 @@
 
 namespace efree::internal {
 
+/// What analysis.kind says.
+enum class AnalysisKind { statics, dynamics, effective };
+
 /// A case file that is being read.
 struct CaseText {
   std::filesystem::path file;
   std::shared_ptr<const toml::table> table;
-  bool is_dynamics;  ///< by analysis.kind
+  AnalysisKind kind;
   Section root, geometry;
   Reading reading;
 

@@ -15,6 +15,9 @@
 
 namespace efree::internal {
 
+/// Keys that a material of some model may have.
+const Section::Keys& material_keys();
+
 /// Materials from tables of numbers and expressions of the place.
 template <int Dim> class MaterialReader {
  public:

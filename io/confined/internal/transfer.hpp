@@ -29,12 +29,16 @@ template <int Dim> auto fields(BoundaryOffsets<Dim>& boundary) {
   return std::tie(points, offsets);
 }
 template <int Dim> auto fields(LabelImage<Dim>& image) {
-  auto& [size, spacing, origin, labels, grey] = image;
-  return std::tie(size, spacing, origin, labels, grey);
+  auto& [size, spacing, origin, axes, labels, grey] = image;
+  return std::tie(size, spacing, origin, axes, labels, grey);
 }
 template <int Dim> auto fields(GreyImage<Dim>& image) {
-  auto& [size, spacing, origin, values] = image;
-  return std::tie(size, spacing, origin, values);
+  auto& [size, spacing, origin, axes, values] = image;
+  return std::tie(size, spacing, origin, axes, values);
+}
+template <int Dim> auto fields(MadeImage<Dim>& made) {
+  auto& [image, region_of_label, reports, remarks, warnings] = made;
+  return std::tie(image, region_of_label, reports, remarks, warnings);
 }
 template <int Dim> auto fields(MadeMesh<Dim>& made) {
   auto& [mesh, reports, remarks, warnings, size, image, region_of_label, boundary, smooth] = made;

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Linear elasticity of images in space on grids of cells, without a mesh.
+#pragma once
+
+#include "efree/analysis/utilisation.hpp"
+#include "efree/solvers/cells/cell_fields.hpp"
+
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace efree {
+
+/// What was found for one load case. Of Answer<3> the fields are empty: they are by cell.
+struct ImageAnswer : Answer<3> {
+  std::optional<CellSolution> cells;  ///< never empty once it is returned
+  CellFields by_cell;                 ///< on its grid
+  std::vector<Utilisation<3>> utilisations;
+};
+
+/// What an analysis on the grid of an image found; of several load cases it is the answer to the first.
+struct ImageResult : ImageAnswer {
+  std::vector<ImageAnswer> more;  ///< answers to the load cases after the first, in their order
+  std::shared_ptr<const LabelImage<3>> image;
+  std::vector<std::string> regions;  ///< names
+  std::vector<BoundaryPart> parts;   ///< of the boundary that the settings name; facets are those of voxels
+  std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
+  std::vector<Attempt> attempts;                          ///< grids, in order; the answer is of the last
+  std::vector<std::string> warnings;                      ///< what makes the numbers doubtful
+  std::string refusal;                                    ///< why they are no answer; empty if they are one
+  StageTimes times;                                       ///< image, assembly, solve, output
+  double cpu_seconds = 0.0;
+  std::map<std::string, std::string> side_names{};  ///< sides that other parts of the boundary are
+
+  /// The side that a part of the boundary is, as 2 axis + (1 if it is the upper one).
+  int side(const std::string& part) const;
+  /// The answers to all load cases.
+  std::vector<const ImageAnswer*> answers() const;
+};
+
+/// Why settings cannot be answered on the grid of an image alone, but take a mesh; empty if they can, as far as the
+/// image itself does not matter (its labels' materials, and which parts of the boundary are its sides).
+std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>& settings);
+
+/// The answer, on a grid as fine as the source says; where it says nothing of two voxels, and half of that again and
+/// again until the error is bearable. Nothing if a part of the boundary that the settings name is no side of the image,
+/// or a material is not isotropic or nearly incompressible: that takes a mesh. A selection that covers a side is that
+/// side. Stages: image, assembly, solve, output. Throws as prepare and solve_on_cells.
+std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& settings,
+                                         const Monitor& monitor = {});
+
+}  // namespace efree

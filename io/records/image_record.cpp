@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/io/records/image_record.hpp"
+
+#include "efree/core/memory.hpp"
+#include "efree/core/parallel.hpp"
+#include "efree/io/files/internal/cannot_write.hpp"
+#include "efree/io/records/internal/answer_json.hpp"
+#include "efree/io/records/internal/answer_text.hpp"
+#include "efree/io/records/internal/write_json.hpp"
+#include "efree/io/records/writers.hpp"
+
+#include <fmt/format.h>
+#include <vtkCellData.h>
+#include <vtkDataSetAttributes.h>
+#include <vtkFloatArray.h>
+#include <vtkImageData.h>
+#include <vtkNew.h>
+#include <vtkPointData.h>
+#include <vtkShortArray.h>
+#include <vtkUnsignedCharArray.h>
+#include <vtkXMLImageDataWriter.h>
+#include <array>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <variant>
+
+namespace efree {
+namespace {
+
+constexpr std::array<const char*, 6> tensor_components{"xx", "yy", "zz", "yz", "xz", "xy"};
+
+/// Values that stay where they are, `components` to a tuple.
+vtkNew<vtkFloatArray> array_on(const std::string& name, const float* values, std::size_t count, int components) {
+  vtkNew<vtkFloatArray> array;
+  array->SetName(name.c_str());
+  array->SetNumberOfComponents(components);
+  if (components == 6)
+    for (int c = 0; c < 6; ++c) array->SetComponentName(c, tensor_components[c]);
+  array->SetArray(const_cast<float*>(values), static_cast<vtkIdType>(count), 1);
+  return array;
+}
+
+/// By cell: stress over strength; empty if no material has one.
+std::vector<float> utilisations(const Settings<3>& settings, const ImageResult& result, const ImageAnswer& answer) {
+  std::vector<Strength> strengths;
+  bool any = false;
+  for (const std::string& region : result.regions) {
+    strengths.push_back(strength_of(settings.common, region));
+    any = any || strengths.back().is_given();
+  }
+  if (!any) return {};
+  const CellFields& fields = answer.by_cell;
+  std::vector<float> all(fields.region.size(), 0.0F);
+  parallel_for(static_cast<Index>(all.size()), [&](Index c) {
+    if (fields.region[c] >= 0)
+      all[c] = static_cast<float>(
+          utilisation<3>(strengths[fields.region[c]], Voigt<3>(fields.stress.col(c).cast<double>())));
+  });
+  return all;
+}
+
+/// Ranges of the components as result.json has them.
+std::vector<FieldRange<3>> ranges_of(const CellFields& fields) {
+  std::vector<std::string> names{"displacement_x", "displacement_y", "displacement_z"};
+  for (const char* what : {"strain_", "stress_"})
+    for (const char* component : tensor_components) names.push_back(what + std::string(component));
+  names.emplace_back("principal_stress");
+  std::vector<FieldRange<3>> ranges;
+  for (std::size_t r = 0; r < names.size(); ++r) {
+    const PlacedRange& range = fields.ranges[r];
+    ranges.push_back({names[r], range.most, range.least, range.most_at, range.least_at});
+  }
+  return ranges;
+}
+
+}  // namespace
+
+void write_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {
+  const CellSolution& cells = *result.cells;
+  const CellFields& fields = result.by_cell;
+  const auto& n = cells.grid.cubes;
+  vtkNew<vtkImageData> grid;
+  grid->SetDimensions(n[0] + 1, n[1] + 1, n[2] + 1);
+  grid->SetOrigin(cells.grid.origin.data());
+  grid->SetSpacing(cells.grid.spacing.data());
+  const Mat<3> rows = cells.axes.transpose();  // VTK's matrices are stored by rows
+  grid->SetDirectionMatrix(rows.data());
+  vtkCellData* data = grid->GetCellData();
+  vtkNew<vtkShortArray> region;
+  region->SetName("region");
+  region->SetArray(const_cast<std::int16_t*>(fields.region.data()), static_cast<vtkIdType>(fields.region.size()), 1);
+  data->AddArray(region);
+  data->AddArray(array_on("solid", fields.solid.data(), fields.solid.size(), 1));
+  std::vector<Eigen::Matrix<float, 3, Eigen::Dynamic>> displacements;
+  std::vector<std::vector<float>> utilised;
+  const auto answers = result.answers();
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    const CellFields& by_cell = answers[k]->by_cell;
+    const std::string of = k == 0 ? "" : settings.cases[k].name + ": ";
+    const auto& u = displacements.emplace_back(answers[k]->cells->displacement.cast<float>());
+    grid->GetPointData()->AddArray(array_on(of + "displacement", u.data(), u.size(), 3));
+    data->AddArray(array_on(of + "strain", by_cell.strain.data(), by_cell.strain.size(), 6));
+    data->AddArray(array_on(of + "stress", by_cell.stress.data(), by_cell.stress.size(), 6));
+    data->AddArray(array_on(of + "von_mises", by_cell.von_mises.data(), by_cell.von_mises.size(), 1));
+    const auto& values = utilised.emplace_back(utilisations(settings, result, *answers[k]));
+    if (!values.empty()) data->AddArray(array_on(of + "utilisation", values.data(), values.size(), 1));
+  }
+  vtkNew<vtkUnsignedCharArray> hidden;
+  hidden->SetName(vtkDataSetAttributes::GhostArrayName());
+  hidden->SetNumberOfValues(static_cast<vtkIdType>(fields.region.size()));
+  for (std::size_t c = 0; c < fields.region.size(); ++c)
+    hidden->SetValue(static_cast<vtkIdType>(c),
+                     fields.region[c] < 0 ? static_cast<unsigned char>(vtkDataSetAttributes::HIDDENCELL) : 0);
+  data->AddArray(hidden);
+
+  vtkNew<vtkXMLImageDataWriter> writer;
+  writer->SetFileName(file.c_str());
+  writer->SetInputData(grid);
+  writer->SetDataModeToAppended();
+  writer->EncodeAppendedDataOff();
+  writer->SetCompressorTypeToLZ4();
+  if (!writer->Write() || writer->GetErrorCode() != 0) internal::cannot_write(file);
+}
+
+void write_result(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {
+  nlohmann::ordered_json json;
+  json["title"] = settings.common.title;
+  json["dimension"] = 3;
+  const auto& n = result.cells->grid.cubes;
+  json["counts"] = {{"voxels", result.image->labels.size()},
+                    {"regions", result.regions.size()},
+                    {"cells", result.cells->finest().cells}};
+  json["grid"] = {{"cells", n},
+                  {"edges", internal::json_array(result.cells->grid.spacing)},
+                  {"origin", internal::json_array(result.cells->grid.origin)}};
+  for (int d = 0; d < 3; ++d) json["grid"]["axes"].push_back(internal::json_array(Vec<3>(result.cells->axes.col(d))));
+  json["regions"] = result.regions;
+  json["boundaries"] = nlohmann::ordered_json::object();
+  for (const auto& part : result.parts)
+    json["boundaries"][part.name] = {{"facets", part.facets}, {"area", part.measure}};
+  json["model"] = {{"taken", "linear"}};
+  const auto add = [](const ImageAnswer& answer, nlohmann::ordered_json& to) {
+    internal::add_values_of<3>(answer, to);
+    to["estimates"]["energy"]["interfaces"] = answer.cells->interface_error;
+    internal::add_ranges(ranges_of(answer.by_cell), to);
+    internal::add_utilisations(answer.utilisations, to);
+  };
+  add(result, json);
+  for (std::size_t r = 0; r < result.regions.size(); ++r) {
+    const RegionStresses& of = result.by_cell.regions[r];
+    json["by_region"][result.regions[r]] = {
+        {"volume", of.volume}, {"von_mises", of.von_mises.most}, {"principal_stress", {of.third.least, of.first.most}}};
+  }
+  internal::add_grids(*result.cells, json);
+  internal::add_attempts(result.attempts, json);
+  for (std::size_t k = 0; k < settings.cases.size(); ++k)
+    add(*result.answers()[k], json["cases"][settings.cases[k].name]);
+  json["reports"] = {{"basis", "cells"}};
+  for (const auto& [name, reported] : result.reports)
+    std::visit([&, &key = name](auto value) { json["reports"][key] = value; }, reported);
+  json["reports"]["warnings"] = result.warnings;
+  for (const auto& [stage, seconds] : result.times.stages()) json["seconds"][stage] = seconds;
+  json["seconds"]["total"] = result.times.total();
+  json["peak_memory_mb"] = peak_memory_mb();
+  json["threads"] = num_threads();
+  json["version"] = version();
+  internal::write_json(file, json);
+}
+
+std::vector<std::string> describe_result(const Settings<3>& settings, const ImageResult& result) {
+  std::vector<std::string> lines;
+  const auto answers = result.answers();
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    if (!settings.cases.empty()) lines.push_back(fmt::format("case \"{}\":", settings.cases[k].name));
+    lines.push_back(internal::grid_text(*answers[k]->cells, *answers[k]->estimates));
+    for (std::string& line : internal::answer_text<3>(*answers[k], answers[k]->utilisations))
+      lines.push_back(std::move(line));
+  }
+  return lines;
+}
+
+}  // namespace efree

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/cells/internal/cell_operator.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace efree::internal {
+namespace {
+
+/// Edges for eigenvalues of cells: along flat axes nothing varies.
+Vec<3> edges_or_endless(const Vec<3>& edges, const std::array<bool, 3>& flat) {
+  Vec<3> result = edges / edges.maxCoeff();
+  for (int d = 0; d < 3; ++d)
+    if (flat[d]) result[d] = 1e6;
+  return result;
+}
+
+/// Moduli as they were before they were rounded, if they are those of one of the materials.
+std::array<double, 2> before_rounding(const ExactStiffness& known, double a, double b) {
+  for (std::size_t m = 0; m < known.rounded.size(); ++m) {
+    const std::array<double, 2> one{known.rounded[m][0], known.rounded[m][1]};
+    if (std::abs(a - one[0]) <= 4e-7 * std::abs(one[0]) && std::abs(b - one[1]) <= 4e-6 * std::abs(one[1]))
+      return known.exact[m];
+  }
+  return {a, b};
+}
+
+/// What elasticity and conduction have in common; moduli are (shear, across) or (conductivity, 0).
+template <class Grid, int Components> class GridOperator : public CellOperator {
+ public:
+  GridOperator(Grid grid, const std::array<bool, 3>& flat, const ExactStiffness& exact)
+      : grid_(std::move(grid)), flat_(flat), exact_(exact) {
+    for (int d = 0; d < 3; ++d)
+      if (flat[d]) grid_.inverse_edges[d] = 0.0;
+  }
+  const CellLayout& layout() const override { return grid_; }
+  int components() const override { return Components; }
+  void apply(const float* const* u, float* const* f, int count) const override { grid_.apply(u, f, count); }
+  void apply(const double* const* u, double* const* f, int count) const override { grid_.apply(u, f, count); }
+
+  Vector apply_strain(const Vector& strain, Field& f) override {
+    Field u = zeros<double>(size());
+    f = zeros<double>(size());
+    add_affine(strain, u);
+    apply_with_ends_apart(grid_, u, f);
+    return moments(f);
+  }
+
+  CellAverages averages(const std::vector<Field>& u, const Matrix& applied) override {
+    const Index loads = applied.cols();
+    CellAverages means{Matrix::Zero(loads, loads), Matrix::Zero(strains(), loads)};
+    std::optional<Grid> rounded_off;
+    if (!exact_.rounded.empty()) rounded_off = what_rounding_took();
+    Field total = zeros<double>(size()), f = zeros<double>(size()), more = zeros<double>(size());
+    for (Index j = 0; j < loads; ++j) {
+      for_all(size(), [&](std::size_t i) { total[i] = u[j][i]; });
+      add_affine(applied.col(j), total);
+      apply_with_ends_apart(grid_, total, f);
+      if (rounded_off) {
+        apply_with_ends_apart(*rounded_off, total, more);
+        for_all(size(), [&](std::size_t i) { f[i] += more[i]; });
+      }
+      means.stress.col(j) = moments(f);
+      for (Index i = 0; i < loads; ++i) means.energy(i, j) = applied.col(i).dot(means.stress.col(j)) + dot(u[i], f);
+    }
+    const double frame = grid_.edges.prod() * grid_.cells[0] * grid_.cells[1] * grid_.cells[2];
+    means.energy /= frame;
+    means.stress /= frame;
+    return means;
+  }
+
+ protected:
+  Grid grid_;
+  std::array<bool, 3> flat_;
+  ExactStiffness exact_;
+
+ private:
+  /// f = K u, where nodes at both ends of a flat axis may have different values.
+  void apply_with_ends_apart(Grid& grid, const Field& u, Field& f) const {
+    const std::array<double, 3> inverse_edges = grid.inverse_edges;
+    for (int d = 0; d < 3; ++d) grid.inverse_edges[d] = 1.0 / grid.edges[d];
+    const double* from = u.data();
+    double* to = f.data();
+    grid.apply(&from, &to, 1);
+    grid.inverse_edges = inverse_edges;
+  }
+  /// Calls f(node, x) for the nodes of a layer, x from the lowest corner.
+  template <class F> void for_nodes_of(Index k, const F& f) const {
+    for (Index j = 0; j <= grid_.cells[1]; ++j)
+      for (Index i = 0; i <= grid_.cells[0]; ++i) f(grid_.node(i, j, k), grid_.edges.cwiseProduct(Vec<3>(i, j, k)));
+  }
+  /// u += E x for a strain E.
+  void add_affine(const Vector& applied, Field& u) const {
+    Mat<3> slope = Mat<3>::Zero();  // by component and axis
+    if (Components == 1)
+      slope.row(0) = applied.transpose();
+    else
+      slope << applied[0], 0.5 * applied[5], 0.5 * applied[4], 0.5 * applied[5], applied[1], 0.5 * applied[3],
+          0.5 * applied[4], 0.5 * applied[3], applied[2];
+    parallel_chunks(grid_.cells[2] + 1, 4, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k)
+        for_nodes_of(k, [&](std::size_t node, const Vec<3>& x) {
+          for (int c = 0; c < Components; ++c) u[c * grid_.nodes() + node] += slope.row(c).dot(x);
+        });
+    });
+  }
+  /// E x . f for each unit strain.
+  Vector moments(const Field& f) const {
+    std::vector<Mat<3>> layers(grid_.cells[2] + 1, Mat<3>::Zero());
+    parallel_chunks(grid_.cells[2] + 1, 4, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k)
+        for_nodes_of(k, [&](std::size_t node, const Vec<3>& x) {
+          for (int c = 0; c < Components; ++c) layers[k].row(c) += f[c * grid_.nodes() + node] * x.transpose();
+        });
+    });
+    Mat<3> sum = Mat<3>::Zero();
+    for (const Mat<3>& layer : layers) sum += layer;
+    if (Components == 1) return sum.row(0).transpose();
+    Vector result(6);
+    result << sum(0, 0), sum(1, 1), sum(2, 2), 0.5 * (sum(1, 2) + sum(2, 1)), 0.5 * (sum(0, 2) + sum(2, 0)),
+        0.5 * (sum(0, 1) + sum(1, 0));
+    return result;
+  }
+  /// A grid of the differences between exact weights and those in single precision.
+  Grid what_rounding_took() const {
+    constexpr int kinds = Components == 3 ? 2 : 1;
+    Grid difference = grid_;
+    std::vector<float>& weights = weights_of(difference);
+    const double volume = grid_.edges.prod() / 8.0;
+    const auto block = static_cast<std::size_t>(8 * kinds * CellLayout::lanes);
+    for_all(weights.size() / block, [&](std::size_t b) {
+      for (int q = 0; q < 8; ++q)
+        for (int lane = 0; lane < CellLayout::lanes; ++lane) {
+          float& first = weights[b * block + static_cast<std::size_t>(q) * CellLayout::lanes + lane];
+          float& second = kinds == 2 ? (&first)[8 * CellLayout::lanes] : first;
+          if (first == 0.0F) continue;
+          const double one = first, other = kinds == 2 ? second : 0.0;
+          const auto exact = before_rounding(exact_, one / volume, other / volume);
+          first = static_cast<float>(exact[0] * volume - one);
+          if (kinds == 2) second = static_cast<float>(exact[1] * volume - other);
+        }
+    });
+    return difference;
+  }
+  static std::vector<float>& weights_of(CellGrid& grid) { return grid.stiffness; }
+  static std::vector<float>& weights_of(ConductionGrid& grid) { return grid.conductivity; }
+};
+
+class ElasticOperator final : public GridOperator<CellGrid, 3> {
+ public:
+  ElasticOperator(CellGrid grid, const std::array<bool, 3>& flat, const std::array<float, 2>& ratios,
+                  const ExactStiffness& exact)
+      : GridOperator(std::move(grid), flat, exact), ratios_(ratios) {}
+  std::vector<float> bound() const override {
+    return grid_.bound(largest_eigenvalues(edges_or_endless(grid_.edges, flat_), ratios_[0], ratios_[1]));
+  }
+
+ private:
+  std::array<float, 2> ratios_;
+};
+
+class ConductionOperator final : public GridOperator<ConductionGrid, 1> {
+ public:
+  using GridOperator::GridOperator;
+  std::vector<float> bound() const override {
+    return grid_.bound(largest_conduction_eigenvalues(edges_or_endless(grid_.edges, flat_)));
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<CellOperator> elastic_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
+                                               const std::array<bool, 3>& flat, const Parts& parts,
+                                               const std::array<float, 2>& ratios, const ExactStiffness& exact) {
+  return std::make_unique<ElasticOperator>(CellGrid(cells, edges, parts.shear, parts.across), flat, ratios, exact);
+}
+std::unique_ptr<CellOperator> conduction_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
+                                                  const std::array<bool, 3>& flat, const std::vector<float>& parts,
+                                                  const ExactStiffness& exact) {
+  return std::make_unique<ConductionOperator>(ConductionGrid(cells, edges, parts), flat, exact);
+}
+
+}  // namespace efree::internal

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Effective stiffness and conductivity of what an image shows: the tensor between mean stress and mean strain.
+#pragma once
+
+#include "efree/core/monitor.hpp"
+#include "efree/geometry/input/label_image.hpp"
+#include "efree/materials/material.hpp"
+
+#include <vector>
+
+namespace efree {
+
+/// How the mean strain E (mean stress S) is applied on the image's frame, which bounds the volume.
+enum class FrameCondition {
+  periodic,   ///< u - E x is periodic, the image is a unit cell (Michel, Moulinec & Suquet 1999, eq. 6)
+  kinematic,  ///< u = E x on the frame: the tensor is an upper bound (Huet 1990)
+  uniform,    ///< traction S n on the frame ("static uniform"): the tensor is a lower bound (Huet 1990)
+};
+
+/// How fine and how exact an effective tensor is.
+struct EffectiveOptions {
+  FrameCondition frame = FrameCondition::periodic;
+  /// Wanted edge of a cell [length]; a whole part or a multiple of a voxel is taken. 0: a voxel, half of one where
+  /// voxels are few (a quarter if they are taken as they are), more where memory is short.
+  double size = 0.0;
+  /// Whether boundaries between labels are taken to be smooth, planes within voxels (box_averages); else they are the
+  /// faces of voxels. Of materials that differ from place to place they are smooth.
+  bool smooth = true;
+  /// Of the iterations: relative error in the energy norm. That of the tensor is its square.
+  double tolerance = 5e-5;
+  int most = 300;  ///< iterations on a grid after which it is given up
+  int loads = 0;   ///< how many columns of the tensor are computed, the others are 0; 0: all (measurements only)
+};
+
+/// What was found on one grid.
+struct EffectiveLevel {
+  Vec<3> edges;          ///< of a cell [length]
+  Index cells = 0;       ///< of the grid, void included
+  int iterations = 0;    ///< of the load that took most
+  Matrix tensor{};       ///< as EffectiveTensor::tensor
+  double seconds = 0.0;  ///< of the iterations
+};
+
+/// Stiffness: 6 x 6 by xx, yy, zz, yz, xz, xy with doubled shear strains [stress]. Conductivity: 3 x 3.
+struct EffectiveTensor {
+  Matrix tensor{};                       ///< symmetric, from energies: <e_i : C e_j>
+  std::vector<EffectiveLevel> levels{};  ///< from fine to coarse
+  /// Relative error (Frobenius norm, Kelvin's notation) that the grid leaves, from the tensors of three grids.
+  double grid_error = 0.0;
+  double iteration_error = 0.0;  ///< what the iterations leave, likewise
+  /// Difference of the mean stresses from symmetry, |T - T^T| / |T|: `tensor` is symmetric by construction, this is
+  /// not.
+  double asymmetry = 0.0;
+  Matrix extrapolated{};  ///< to cells without size, at the rate of the last three grids; not of cells of more voxels
+  Matrix mean{};          ///< stiffness (conductivity) averaged over the frame, void included: Voigt's bound
+
+  const EffectiveLevel& finest() const { return levels.front(); }
+};
+
+/// Effective stiffness of an image whose materials are isotropic, `materials` by label, label 0 void. Trilinear
+/// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages
+/// sees; where the material changes on faces of voxels only, cells of a voxel represent it exactly. Six mean strains
+/// (stresses) on one hierarchy of grids, together: conjugate gradients preconditioned by geometric multigrid, each grid
+/// begins with what the coarser one found. Grids need not have even numbers of cells.
+///
+/// Bodies that nothing connects to the others, and void that cuts all of them, leave parts of the tensor zero. Bitwise
+/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short.
+///
+/// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is not
+/// isotropic, an image that is all void, void at the frame under uniform tractions, or too little memory;
+/// NumericalError if the iterations break down or do not end.
+EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
+                                    const EffectiveOptions& options = {}, const Monitor& monitor = {});
+
+/// Effective conductivity, of heat, charge or whatever flows along the gradient of a potential: `conductivities` by
+/// label, 0 for insulators; otherwise as effective_stiffness. Under `uniform` the mean flux is applied. Throws
+/// InputError also for a conductivity that is negative or not finite.
+EffectiveTensor effective_conductivity(const LabelImage<3>& image, const std::vector<double>& conductivities,
+                                       const EffectiveOptions& options = {}, const Monitor& monitor = {});
+
+}  // namespace efree

@@ -1,0 +1,208 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/solvers/cells/internal/interface_energy.hpp"
+
+#include "efree/core/parallel.hpp"
+#include "efree/geometry/input/box_averages.hpp"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+namespace efree::internal {
+namespace {
+
+/// A material of the image, and how much of it is in each cell.
+struct Phase {
+  const SharedMaterial* material;
+  double modulus;  ///< C_xxxx at the middle of the image [stress]
+  std::vector<float> part;
+};
+
+Mat<3> tensor_of_stress(const Voigt<3>& s) {
+  Mat<3> tensor;
+  tensor << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
+  return tensor;
+}
+/// Engineering shear strains.
+Voigt<3> strain_of_slope(const Mat<3>& slope) {
+  Voigt<3> strain;
+  strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
+      slope(0, 1) + slope(1, 0);
+  return strain;
+}
+
+/// Energy density of layers with normal n and these shares and stiffnesses, whose strains along the layers are those of
+/// `strain` and whose traction is t.
+double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& layers, const Vec<3>& n,
+                        const Voigt<3>& strain, const Vec<3>& t) {
+  double energy = 0.0;
+  for (const auto& [share, C] : layers) {
+    // strain + sym(a n), with a so that the traction is t.
+    Mat<3> acoustic;
+    for (int c = 0; c < 3; ++c)
+      acoustic.col(c) = tensor_of_stress(C * strain_of_slope(Vec<3>::Unit(c) * n.transpose())) * n;
+    const Vec<3> a = acoustic.inverse() * (t - tensor_of_stress(C * strain) * n);
+    const Voigt<3> there = strain + strain_of_slope(a * n.transpose());
+    energy += share * 0.5 * there.dot(C * there);
+  }
+  return energy;
+}
+
+class MixedCells {
+ public:
+  MixedCells(const CellSolution& solution, const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
+      : solution_(solution), n_(solution.grid.cubes) {
+    const Vec<3> middle = image.in_world(
+        image.origin + 0.5 * image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2])));
+    for (const LabelCount& count : count_labels(image)) {
+      if (count.label == 0) continue;
+      std::vector<float> one(count.label + 1, 0.0F);
+      one[count.label] = 1.0F;
+      const SharedMaterial& material = materials[count.label];
+      phases_.push_back(
+          {&material, Materials<3>({material}, Plane::strain).stiffness(0, middle).C(0, 0), std::vector<float>()});
+      labels_.push_back(count.label);
+    }
+    const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
+    different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
+    for (std::size_t p = 0; different_ && p < phases_.size(); ++p) {
+      std::vector<float> one(labels_[p] + 1, 0.0F);
+      one[labels_[p]] = 1.0F;
+      phases_[p].part = box_averages(image, one, n_);
+    }
+  }
+
+  double energy() const {
+    if (!different_) return 0.0;
+    std::vector<double> of_layer(n_[2], 0.0);
+    parallel_chunks(n_[2], 1, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k)
+        for (Index j = 0; j < n_[1]; ++j)
+          for (Index i = 0; i < n_[0]; ++i) of_layer[k] += in_cell({i, j, k});
+    });
+    double sum = 0.0;
+    for (const double of : of_layer) sum += of;
+    return sum;
+  }
+
+ private:
+  static constexpr double least_contrast = 0.02;  ///< of moduli, that matters
+  static constexpr float least_part = 1e-4F;      ///< of a cell, likewise
+  static constexpr double least_aligned = 0.95;   ///< cosine between a normal and an axis of the grid
+
+  std::size_t cell(const std::array<Index, 3>& at) const {
+    return at[0] + static_cast<std::size_t>(n_[0]) * (at[1] + static_cast<std::size_t>(n_[1]) * at[2]);
+  }
+  /// Mean modulus of the material in a cell; 0 in void.
+  double modulus(const std::array<Index, 3>& at) const {
+    double sum = 0.0, all = 0.0;
+    for (const Phase& phase : phases_) {
+      const auto part = static_cast<double>(phase.part[cell(at)]);
+      sum += part * phase.modulus;
+      all += part;
+    }
+    return all > 0.0 ? sum / all : 0.0;
+  }
+  /// Towards the stiffer material, of length 1, in the image's axes; zero if there is no such direction.
+  Vec<3> normal(const std::array<Index, 3>& at) const {
+    Vec<3> gradient;
+    const double here = modulus(at);
+    for (int d = 0; d < 3; ++d) {
+      double ends[2];
+      for (int s = 0; s < 2; ++s) {
+        auto next = at;
+        next[d] += 2 * s - 1;
+        ends[s] = next[d] < 0 || next[d] >= n_[d] ? 0.0 : modulus(next);
+        if (ends[s] == 0.0) ends[s] = here;
+      }
+      gradient[d] = (ends[1] - ends[0]) / solution_.grid.spacing[d];
+    }
+    const double size = gradient.norm() * solution_.grid.spacing.minCoeff();
+    return size > 1e-6 * here ? Vec<3>(gradient.normalized()) : Vec<3>::Zero();
+  }
+  Mat<3> slope(const std::array<Index, 3>& at) const {
+    Mat<3> result = Mat<3>::Zero();
+    const Eigen::Index row = n_[0] + 1, layer = row * (n_[1] + 1);
+    for (int a = 0; a < 8; ++a) {
+      const auto u =
+          solution_.displacement.col(at[0] + (a & 1) + row * (at[1] + (a >> 1 & 1)) + layer * (at[2] + (a >> 2)));
+      for (int d = 0; d < 3; ++d) result.col(d) += (a >> d & 1 ? 0.25 : -0.25) / solution_.grid.spacing[d] * u;
+    }
+    return result * solution_.axes.transpose();
+  }
+  double in_cell(const std::array<Index, 3>& at) const {
+    double all = 0.0;
+    int several = 0;
+    for (const Phase& phase : phases_) {
+      all += static_cast<double>(phase.part[cell(at)]);
+      several += phase.part[cell(at)] > least_part;
+    }
+    if (several < 2) return 0.0;
+    const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(
+                                                                  Vec<3>(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5));
+    std::vector<std::pair<double, VoigtMatrix<3>>> layers;
+    VoigtMatrix<3> mean = VoigtMatrix<3>::Zero();
+    for (const Phase& phase : phases_) {
+      const double share = static_cast<double>(phase.part[cell(at)]) / all;
+      if (share <= static_cast<double>(least_part)) continue;
+      layers.emplace_back(share, Materials<3>({*phase.material}, Plane::strain).stiffness(0, x).C);
+      mean += share * layers.back().second;
+    }
+    const Voigt<3> strain = strain_of_slope(slope(at));
+    const Vec<3> along = normal(at);
+    if (along.cwiseAbs().maxCoeff() < least_aligned) return 0.0;
+    const Vec<3> n = solution_.axes * along, t = tensor_of_stress(stress_beside(at, along).value_or(mean * strain)) * n;
+    const auto less = [&](const Voigt<3>& e, const Vec<3>& traction) {
+      return energy_of_layers(layers, n, e, traction) - energy_of_layers({{1.0, mean}}, n, e, traction);
+    };
+    return all * solution_.grid.spacing.prod() *
+           std::max(0.0, less(Voigt<3>::Zero(), t) - less(strain, Vec<3>::Zero()));
+  }
+  /// The stress in the nearest cell of one material along the normal, on the soft side if there is one: that of a mixed
+  /// cell, which is strained like its soft neighbours, would be far too large.
+  std::optional<Voigt<3>> stress_beside(const std::array<Index, 3>& at, const Vec<3>& normal) const {
+    constexpr int farthest = 3;  // cells
+    for (const double side : {-1.0, 1.0})
+      for (int step = 1; step <= farthest; ++step) {
+        const Vec<3> way =
+            (side * step * solution_.grid.spacing.minCoeff() * normal).cwiseQuotient(solution_.grid.spacing);
+        std::array<Index, 3> there;
+        bool inside = true;
+        for (int d = 0; d < 3; ++d) {
+          there[d] = static_cast<Index>(std::floor(at[d] + 0.5 + way[d]));
+          inside = inside && there[d] >= 0 && there[d] < n_[d];
+        }
+        if (!inside || there == at) continue;
+        double all = 0.0;
+        const Phase* most = nullptr;
+        for (const Phase& phase : phases_) {
+          all += static_cast<double>(phase.part[cell(there)]);
+          if (most == nullptr || phase.part[cell(there)] > most->part[cell(there)]) most = &phase;
+        }
+        if (all < 0.5 || static_cast<double>(most->part[cell(there)]) < (1.0 - static_cast<double>(least_part)) * all)
+          continue;
+        const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(Vec<3>(
+                                                                      there[0] + 0.5, there[1] + 0.5, there[2] + 0.5));
+        return Materials<3>({*most->material}, Plane::strain).stiffness(0, x).C * strain_of_slope(slope(there));
+      }
+    return {};
+  }
+
+  const CellSolution& solution_;
+  std::array<Index, 3> n_;
+  std::vector<Phase> phases_;
+  std::vector<Label> labels_;
+  bool different_ = false;
+};
+
+}  // namespace
+
+double interface_energy(const CellSolution& solution, const LabelImage<3>& image,
+                        const std::vector<SharedMaterial>& materials) {
+  return MixedCells(solution, image, materials).energy();
+}
+
+}  // namespace efree::internal
