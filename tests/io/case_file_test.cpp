@@ -55,8 +55,9 @@ INSTANTIATE_TEST_SUITE_P(
         Wrong{"spacing = 0.4", "spacng = 0.4",
               R"(^case.toml:6: unknown key "spacng" in \[cloud\]; did you mean "spacing"\?)"},
         Wrong{"[quadrature]", "[qadrature]", R"(^case.toml:8: unknown key "qadrature"; did you mean "quadrature"\?)"},
-        Wrong{"E = 1.0", "colour = 1.0",
-              R"(^case.toml:16: unknown key "colour" in \[material\]; expected one of model, density, conductivity, E, nu)"},
+        Wrong{
+            "E = 1.0", "colour = 1.0",
+            R"(^case.toml:16: unknown key "colour" in \[material\]; expected one of model, density, conductivity, E, nu)"},
         Wrong{"seed = 1", "seed = 1\nseed = 2", R"(^case.toml:8: )"},
         Wrong{"E = 1.0", "", R"(^case.toml:15: key "E" is missing in \[material\])"},
         Wrong{"plane = \"stress\"", "", R"(^case.toml:13: key "plane" is missing in \[analysis\])"},
