@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/cells/cell_fields.hpp"
 
+#include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
 #include "efree/core/parallel.hpp"
@@ -62,13 +63,6 @@ Mat<3> slope_at(const CellSolution& solution, const GridPoints& points, const Pl
   return slope * solution.axes.transpose();
 }
 
-Voigt<3> strain_of(const Mat<3>& slope) {
-  Voigt<3> strain;
-  strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
-      slope(0, 1) + slope(1, 0);
-  return strain;
-}
-
 /// Strains at the eight points of the cells of a layer (6 x 8 cells), each cell's points together.
 void strains_of_layer(const CellSolution& solution, Index k, Matrix& strains) {
   const GridPoints points{solution.grid};
@@ -90,7 +84,7 @@ void strains_of_layer(const CellSolution& solution, Index k, Matrix& strains) {
               if (e != d) w *= (a >> e & 1) == (q >> e & 1) ? 0.75 : 0.25;
             slope.col(d) += w * u.col(a);
           }
-        strains.col(column) = strain_of(turned ? Mat<3>(slope * solution.axes.transpose()) : slope);
+        strains.col(column) = strain_of<3>((turned ? Mat<3>(slope * solution.axes.transpose()) : slope).reshaped());
       }
     }
 }
@@ -181,7 +175,7 @@ Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, co
   Vector errors(mesh.num_cells());
   parallel_for(mesh.num_cells(), [&](Index c) {
     const Voigt<3> strain =
-        strain_of(slope_at(solution, points, place_of(solution.grid, solution.axes, mesh.centroid(c))));
+        strain_of<3>(slope_at(solution, points, place_of(solution.grid, solution.axes, mesh.centroid(c))).reshaped());
     Stiffness<3> room;
     const auto& stiffness = by_region.stiffness(mesh.region(c), mesh.centroid(c), room);
     Voigt<3> difference = -stiffness.C * strain;

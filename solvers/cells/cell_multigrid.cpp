@@ -131,23 +131,14 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
   coarsest_.emplace(K, 1);
 }
 
-/// x += a polynomial of b - K x, chosen by Chebyshev for the upper part of the spectrum of D^-1 K, which ends at 1.
+/// x += a polynomial of b - K x (chebyshev_steps).
 void CellMultigrid::smooth(std::size_t l, bool from_zero) {
-  constexpr int degree = 2;
-  constexpr double range = 8.0;  // upper over lower end of the part
-  constexpr double high = 1.0, low = high / range, centre = 0.5 * (high + low), half = 0.5 * (high - low);
   const CellProblem& problem = *grids_[l];
   const float* inverse = problem.inverse_diagonal.data();
   Work& w = work_[l];
-  double rho = half / centre;
-  for (int s = 0; s < degree; ++s) {
-    float keep = 0.0F, take = static_cast<float>(1.0 / centre);
-    if (s > 0) {
-      const double next = 1.0 / (2.0 * centre / half - rho);
-      keep = static_cast<float>(next * rho);
-      take = static_cast<float>(2.0 * next / half);
-      rho = next;
-    }
+  const auto steps = chebyshev_steps();
+  for (std::size_t s = 0; s < steps.size(); ++s) {
+    const float keep = steps[s].keep, take = steps[s].take;
     if (from_zero && s == 0) {
       for_all(w.b.size(), [&](std::size_t i) { w.x[i] = w.step[i] = take * inverse[i] * w.b[i]; });
       continue;

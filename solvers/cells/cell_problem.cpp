@@ -218,8 +218,8 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
           } else {
             add_load(load, dof, motion_in(axis));
           }
-          for (std::size_t k = 0; k < cases; ++k)
-            if (!problem.loads[k].empty()) forces[k] += std::abs(problem.loads[k][dof]);
+          for (std::size_t of = 0; of < cases; ++of)
+            if (!problem.loads[of].empty()) forces[of] += std::abs(problem.loads[of][dof]);
         }
       }
       for_cells({i - 1, j - 1, k - 1}, {i + 1, j + 1, k + 1}, [&](Index a, Index b, Index c) {
@@ -236,14 +236,11 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
       if (stiffness[0] < rounding) free = problem.place({i0, j0, k0});
     }
     for (int m = 0; m < 6; ++m)
-      for (std::size_t k = 0; k < cases; ++k) {
-        if (stiffness[m] >= rounding || std::abs(motions.col(m).dot(load[k])) <= 1e-6 * forces[k]) continue;
-        const Vec<3> at = problem.place({i0, j0, k0});
-        throw InputError(fmt::format(
-            "the body at ({:.6g}, {:.6g}, {:.6g}) is loaded, but free to move: prescribe displacements that "
-            "hold it",
-            at[0], at[1], at[2]));
-      }
+      for (std::size_t of = 0; of < cases; ++of)
+        if (stiffness[m] < rounding && std::abs(motions.col(m).dot(load[of])) > 1e-6 * forces[of])
+          throw InputError(
+              fmt::format("the body at {} is loaded, but free to move: prescribe displacements that hold it",
+                          text_of(problem.place({i0, j0, k0}))));
   });
   if (largest_is_held && free)
     throw InputError(fmt::format(

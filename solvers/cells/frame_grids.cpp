@@ -212,21 +212,12 @@ void FrameMultigrid::multiply(std::size_t l, int count) {
   grids_[l].multiply(u.data(), f.data(), count);
 }
 
-/// x += a polynomial of b - K x, chosen by Chebyshev for the upper part of the spectrum of D^-1 K, which ends at 1.
+/// x += a polynomial of b - K x (chebyshev_steps).
 void FrameMultigrid::smooth(std::size_t l, int count, bool from_zero) {
-  constexpr int degree = 2;
-  constexpr double range = 8.0;  // upper over lower end of the part
-  constexpr double high = 1.0, low = high / range, centre = 0.5 * (high + low), half = 0.5 * (high - low);
   const float* inverse = grids_[l].inverse_diagonal.data();
-  double rho = half / centre;
-  for (int s = 0; s < degree; ++s) {
-    float keep = 0.0F, take = static_cast<float>(1.0 / centre);
-    if (s > 0) {
-      const double next = 1.0 / (2.0 * centre / half - rho);
-      keep = static_cast<float>(next * rho);
-      take = static_cast<float>(2.0 * next / half);
-      rho = next;
-    }
+  const auto steps = chebyshev_steps();
+  for (std::size_t s = 0; s < steps.size(); ++s) {
+    const float keep = steps[s].keep, take = steps[s].take;
     const bool zero = from_zero && s == 0;
     if (!zero) multiply(l, count);
     for (int r = 0; r < count; ++r) {

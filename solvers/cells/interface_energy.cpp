@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/solvers/cells/internal/interface_energy.hpp"
 
+#include "efree/assembly/kinematics.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/input/box_averages.hpp"
 
@@ -26,14 +27,6 @@ Mat<3> tensor_of_stress(const Voigt<3>& s) {
   tensor << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
   return tensor;
 }
-/// Engineering shear strains.
-Voigt<3> strain_of_slope(const Mat<3>& slope) {
-  Voigt<3> strain;
-  strain << slope(0, 0), slope(1, 1), slope(2, 2), slope(1, 2) + slope(2, 1), slope(0, 2) + slope(2, 0),
-      slope(0, 1) + slope(1, 0);
-  return strain;
-}
-
 /// Energy density of layers with normal n and these shares and stiffnesses, whose strains along the layers are those of
 /// `strain` and whose traction is t.
 double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& layers, const Vec<3>& n,
@@ -43,9 +36,9 @@ double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& la
     // strain + sym(a n), with a so that the traction is t.
     Mat<3> acoustic;
     for (int c = 0; c < 3; ++c)
-      acoustic.col(c) = tensor_of_stress(C * strain_of_slope(Vec<3>::Unit(c) * n.transpose())) * n;
+      acoustic.col(c) = tensor_of_stress(C * strain_of<3>(Mat<3>(Vec<3>::Unit(c) * n.transpose()).reshaped())) * n;
     const Vec<3> a = acoustic.inverse() * (t - tensor_of_stress(C * strain) * n);
-    const Voigt<3> there = strain + strain_of_slope(a * n.transpose());
+    const Voigt<3> there = strain + strain_of<3>(Mat<3>(a * n.transpose()).reshaped());
     energy += share * 0.5 * there.dot(C * there);
   }
   return energy;
@@ -151,7 +144,7 @@ class MixedCells {
       layers.emplace_back(share, Materials<3>({*phase.material}, Plane::strain).stiffness(0, x).C);
       mean += share * layers.back().second;
     }
-    const Voigt<3> strain = strain_of_slope(slope(at));
+    const Voigt<3> strain = strain_of<3>(slope(at).reshaped());
     const Vec<3> along = normal(at);
     if (along.cwiseAbs().maxCoeff() < least_aligned) return 0.0;
     const Vec<3> n = solution_.axes * along, t = tensor_of_stress(stress_beside(at, along).value_or(mean * strain)) * n;
@@ -186,7 +179,7 @@ class MixedCells {
           continue;
         const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(Vec<3>(
                                                                       there[0] + 0.5, there[1] + 0.5, there[2] + 0.5));
-        return Materials<3>({*most->material}, Plane::strain).stiffness(0, x).C * strain_of_slope(slope(there));
+        return Materials<3>({*most->material}, Plane::strain).stiffness(0, x).C * strain_of<3>(slope(there).reshaped());
       }
     return {};
   }

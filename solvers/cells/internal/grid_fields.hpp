@@ -5,6 +5,7 @@
 #include "efree/core/parallel.hpp"
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <new>
 #include <utility>
@@ -60,6 +61,19 @@ template <class T> Values<T> zeros(std::size_t size) {
 }
 template <class A, class B> double dot(const Values<A>& a, const Values<B>& b) {
   return summed(a.size(), [&](std::size_t i) { return static_cast<double>(a[i]) * b[i]; });
+}
+
+/// A step of a smoother: step = keep * step + take * D^-1 (b - K x), then x += step.
+struct SmoothingStep {
+  float keep, take;
+};
+/// The polynomial of degree 2 that Chebyshev chooses for the upper part of the spectrum of D^-1 K, which ends at 1.
+inline std::array<SmoothingStep, 2> chebyshev_steps() {
+  constexpr double range = 8.0;  // upper over lower end of the part
+  constexpr double high = 1.0, low = high / range, centre = 0.5 * (high + low), half = 0.5 * (high - low);
+  constexpr double rho = half / centre, next = 1.0 / (2.0 * centre / half - rho);
+  return {{{0.0F, static_cast<float>(1.0 / centre)},
+           {static_cast<float>(next * rho), static_cast<float>(2.0 * next / half)}}};
 }
 
 }  // namespace efree::internal
