@@ -65,6 +65,7 @@
 #include "efree/geometry/cracks/point_mesh.hpp"
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/geometry/input/grey_image.hpp"
+#include "efree/geometry/input/image_boundary.hpp"
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/image_summary.hpp"
 #include "efree/geometry/input/label_image.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/internal/grid_search.hpp"
+#include "efree/analysis/internal/image_parts.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/analysis/internal/paths.hpp"
@@ -13,28 +14,13 @@
 namespace efree::internal {
 namespace {
 
-/// The sides of the image's frame that parts of the boundary are, by the names of these that are no sides: a selection
-/// that covers a side is that side.
-template <int Dim>
-std::map<std::string, std::string> side_names(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  std::map<std::string, std::string> names;
-  for (const auto& part : boundaries(settings)) {
-    if (is_side(part.name)) continue;
-    const auto& facets = mesh.group(part.name);
-    for (const auto& group : mesh.groups())
-      if (is_side(group.name) && std::ranges::equal(group.facets, facets)) names[part.name] = group.name;
-  }
-  return names;
-}
-
 /// Why an analysis cannot be solved on cells; empty if it can.
 template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {
   if (!mesh.image) return "the geometry is not an image in space on a lattice";
   if (!settings.cases.empty()) return "there are several load cases";
   if (settings.loads.body_force) return "there is a body force";
   if (settings.loads.inside()) return "there is an acceleration or a rotation";
-  for (const auto& support : settings.supports)
-    if (support.stiffness) return "there is an elastic support";
+  if (!settings.loads.followers.empty()) return "a pressure follows the boundary";
   if (settings.has_exact()) return "there is an exact solution to compare with";
   if (mesh.open_interface.size() > 0) return "regions are open along a part";
   std::vector<char> seen(mesh.materials.size(), 0);
@@ -49,10 +35,6 @@ template <int Dim> std::string why_not_on_cells(const Settings<Dim>& settings, c
   model.regions = mesh.materials;
   if (incompressibility(model, *mesh.mesh) > bearable_incompressibility(BasisKind::mls))
     return "a material is nearly incompressible";
-  const auto names = side_names(settings, *mesh.mesh);
-  for (const auto& group : boundaries(settings))
-    if (!is_side(group.name) && !names.contains(group.name))
-      return fmt::format("\"{}\" is not a side of the image", group.name);
   return "";
 }
 
@@ -90,9 +72,10 @@ void answer_on_cells(const Settings<3>& settings, const PreparedMesh<3>& mesh, R
     result.solution.strain_energy = result.cells->finest().strain_energy;
     result.estimates = estimates_on_cells(*result.cells);
   };
-  search_grid(settings,
-              {*mesh.image, of_label, side_names(settings, *mesh.mesh), {settings.loads}, mesh.size, mesh.size_is_said},
-              take, tell, result, monitor);
+  search_grid(
+      settings,
+      {*mesh.image, of_label, image_parts(settings, *mesh.image), {settings.loads}, mesh.size, mesh.size_is_said}, take,
+      tell, result, monitor);
 }
 
 template <int Dim> bool is_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh) {

@@ -2,6 +2,7 @@
 #include "efree/analysis/image_analysis.hpp"
 
 #include "efree/analysis/internal/grid_search.hpp"
+#include "efree/analysis/internal/image_parts.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/mentions.hpp"
 #include "efree/core/error.hpp"
@@ -11,10 +12,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
-#include <set>
 
 namespace efree {
 
@@ -22,65 +21,9 @@ using namespace internal;
 
 namespace {
 
-constexpr std::array<const char*, 6> sides{"left", "right", "front", "back", "bottom", "top"};
-
-/// Corners of the frame in its own axes, from its origin: the lowest, and its lengths.
+/// Of the edges of the frame.
 Vec<3> lengths_of(const LabelImage<3>& image) {
   return image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
-}
-
-/// Whether a selection has the facets of one side of the frame and no others.
-bool covers_side(const Selection<3>& selection, const LabelImage<3>& image, int side) {
-  const int axis = side / 2;
-  const Vec<3> lengths = lengths_of(image);
-  const double level = side % 2 == 1 ? lengths[axis] : 0.0;
-  if (const auto* plane = std::get_if<OnPlane<3>>(&selection)) {
-    const double tolerance = plane->tolerance > 0.0 ? plane->tolerance : 1e-6 * lengths.norm();
-    const Vec<3> normal = image.axes.transpose() * plane->normal.normalized(),
-                 point = image.axes.transpose() * (plane->point - image.origin);
-    return std::abs(normal[axis]) > 1.0 - 1e-12 && std::abs(point[axis] - level) <= tolerance &&
-           tolerance < 0.5 * image.spacing[axis];
-  }
-  const auto* box = std::get_if<InBox<3>>(&selection);
-  if (box == nullptr || image.is_turned()) return false;
-  const Vec<3> low = box->low - image.origin, high = box->high - image.origin;
-  for (int d = 0; d < 3; ++d)
-    if (d != axis && !(low[d] <= 0.0 && high[d] >= lengths[d])) return false;
-  // Flat enough that no voxel's facet off the side is in it.
-  return low[axis] <= level && level <= high[axis] &&
-         (side % 2 == 1 ? low[axis] > level - 0.5 * image.spacing[axis] : high[axis] < 0.5 * image.spacing[axis]);
-}
-
-/// The sides that parts of the boundary are, by the names of these that are no sides. Nothing if one is none.
-std::optional<std::map<std::string, std::string>> sides_by_part(const Settings<3>& settings,
-                                                                const LabelImage<3>& image) {
-  std::map<std::string, std::string> names;
-  const auto find = [&](const auto& itself, const std::string& part) -> bool {
-    if (is_side(part) || names.contains(part)) return true;
-    const auto selected = std::ranges::find(settings.common.selections, part, &NamedSelection<3>::name);
-    if (selected == settings.common.selections.end()) return false;
-    if (selected->parts.size() == 1 && itself(itself, selected->parts[0])) {
-      const std::string& other = selected->parts[0];
-      names[part] = is_side(other) ? other : names.at(other);
-      return true;
-    }
-    if (!selected->parts.empty()) return false;
-    for (int side = 0; side < 6; ++side)
-      if (covers_side(selected->how, image, side)) {
-        names[part] = sides[side];
-        return true;
-      }
-    return false;
-  };
-  for (const auto& part : boundaries(settings))
-    if (!find(find, part.name)) return {};
-  return names;
-}
-
-/// As 2 axis + (1 if it is the upper one).
-int number_of_side(const std::string& part, const std::map<std::string, std::string>& names) {
-  const auto other = names.find(part);
-  return static_cast<int>(std::ranges::find(sides, other == names.end() ? part : other->second) - sides.begin());
 }
 
 /// Names of the regions, in the order of their labels, and the region of each label.
@@ -122,40 +65,51 @@ std::vector<SharedMaterial> materials_by_region(const CommonSettings<3>& setting
   return materials;
 }
 
-/// Whether cells take the material of every label, at the middle of its first voxel.
-bool cells_take(const LabelImage<3>& image, const Regions& regions, const std::vector<SharedMaterial>& materials) {
+/// Why cells do not take the material of some label, at the middle of its first voxel; empty: they take all.
+std::string why_materials_take_mesh(const LabelImage<3>& image, const Regions& regions,
+                                    const std::vector<SharedMaterial>& materials) {
   for (const LabelCount& count : count_labels(image)) {
     if (count.label == 0) continue;
     auto pixel = static_cast<std::size_t>(std::ranges::find(image.labels, count.label) - image.labels.begin());
     Vec<3> at;
     for (int d = 0; d < 3; pixel /= image.size[d++]) at[d] = static_cast<double>(pixel % image.size[d]) + 0.5;
     const Vec<3> x = image.in_world(image.origin + at.cwiseProduct(image.spacing));
-    const SharedMaterial& material = materials[regions.of_label[count.label]];
-    if (!is_isotropic(material, x)) return false;
+    const Index region = regions.of_label[count.label];
+    const SharedMaterial& material = materials[region];
+    const std::string of = fmt::format("the material of the region \"{}\"", regions.names[region]);
+    if (!is_isotropic(material, x)) return of + " is not isotropic";
     const MaterialResponse response =
         respond(*material, Deformation::none(Points<3>(x), material->history_size()), true);
-    if (incompressibility(response.tangent_at(0)) > bearable_incompressibility(BasisKind::mls)) return false;
+    if (incompressibility(response.tangent_at(0)) > bearable_on_cells) return of + " is nearly incompressible";
   }
-  return true;
+  return "";
 }
 
-/// The parts of the boundary that the settings name. Throws InputError for one without material.
-std::vector<BoundaryPart> parts_of_boundary(const Settings<3>& settings, const LabelImage<3>& image,
-                                            const std::map<std::string, std::string>& names) {
+/// Why supports keep the image off cells; empty if none does. Smoothed normals lean where flat faces end, so that a
+/// face that is held along them is held along others, too, the more so the finer the cells are.
+std::string why_supports_take_mesh(const LabelImage<3>& image, const Settings<3>& settings, const VoxelParts& facets) {
+  for (const auto& support : settings.supports)
+    if (support.normal && !support.stiffness &&
+        !std::ranges::all_of(facets.at(support.on), [&](const VoxelFacet& facet) { return is_on_frame(image, facet); }))
+      return fmt::format("the normal displacement prescribed on \"{}\" is not on the image's frame", support.on);
+  return "";
+}
+
+/// About how many tetrahedra a lattice with these edges cuts the material into.
+double tetrahedra(const LabelImage<3>& image, double size) {
+  constexpr double in_a_cube = 6.0;
+  std::int64_t voxels = 0;
+  for (const LabelCount& count : count_labels(image))
+    if (count.label != 0) voxels += count.pixels;
+  return in_a_cube * static_cast<double>(voxels) * image.pixel_volume() / std::pow(size, 3);
+}
+
+std::vector<BoundaryPart> describe_parts(const Settings<3>& settings, const LabelImage<3>& image,
+                                         const VoxelParts& facets) {
   std::vector<BoundaryPart> parts;
-  for (const auto& mention : boundaries(settings)) {
-    const int s = number_of_side(mention.name, names);
-    const int axis = s / 2, first = axis == 0 ? 1 : 0, second = axis == 2 ? 1 : 2;
-    std::array<Index, 3> at{};
-    at[axis] = s % 2 == 1 ? image.size[axis] - 1 : 0;
-    BoundaryPart part{mention.name};
-    for (at[second] = 0; at[second] < image.size[second]; ++at[second])
-      for (at[first] = 0; at[first] < image.size[first]; ++at[first]) part.facets += image.at(at) != 0;
-    if (part.facets == 0)
-      throw InputError(
-          said_at(mention.where, fmt::format("the image has no material on its side \"{}\"", mention.name)));
-    part.measure = part.facets * image.spacing[first] * image.spacing[second];
-    parts.push_back(part);
+  for (const Mention& mention : boundaries(settings)) {
+    const auto& of = facets.at(mention.name);
+    parts.push_back({mention.name, static_cast<Index>(of.size()), surface_area(image, of)});
   }
   return parts;
 }
@@ -236,10 +190,6 @@ std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const Regions&
 
 }  // namespace
 
-int ImageResult::side(const std::string& part) const {
-  return number_of_side(part, side_names);
-}
-
 std::vector<const ImageAnswer*> ImageResult::answers() const {
   std::vector<const ImageAnswer*> all{this};
   for (const ImageAnswer& answer : more) all.push_back(&answer);
@@ -259,8 +209,6 @@ std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>&
     return "a material is not linear";
   const auto follows = [](const Loads<3>& loads) { return !loads.followers.empty(); };
   if (std::ranges::any_of(loads_by_case(settings), follows)) return "a pressure follows the boundary";
-  if (std::ranges::any_of(settings.supports, [](const auto& support) { return bool(support.stiffness); }))
-    return "there is an elastic support";
   if (settings.has_exact()) return "there is an exact solution to compare with";
   return "";
 }
@@ -277,13 +225,22 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
   result.image = std::make_shared<const LabelImage<3>>(std::move(made.image));
   const LabelImage<3>& image = *result.image;
   const Regions regions(made.region_of_label);
-  const auto names = sides_by_part(settings, image);
   const std::vector<SharedMaterial> materials = materials_by_region(common, regions);
-  if (!names || !cells_take(image, regions, materials)) return {};
+  const double said = mesh_size(source, common), size = said > 0.0 ? said : 2.0 * image.spacing.minCoeff();
+  std::string why = why_materials_take_mesh(image, regions, materials);
+  if (why.empty()) {
+    result.facets = image_parts(settings, image);
+    why = why_supports_take_mesh(image, settings, result.facets);
+  }
+  if (!why.empty()) {
+    if (monitor.say)
+      monitor.say(fmt::format("not on cells, as {}: a mesh of about {:.2g} tetrahedra takes more time and memory", why,
+                              tetrahedra(image, size)));
+    return {};
+  }
   result.regions = regions.names;
-  result.side_names = *names;
   result.reports = std::move(made.reports);
-  result.parts = parts_of_boundary(settings, image, *names);
+  result.parts = describe_parts(settings, image, result.facets);
   check_probes_of_image(settings, image);
   reading.reset();
   if (monitor.say) {
@@ -293,15 +250,9 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
           fmt::format("boundary \"{}\": {} facets of voxels, area {:.6g}", part.name, part.facets, part.measure));
   }
 
-  const double said = mesh_size(source, common);
   std::vector<SharedMaterial> of_label;
   for (const Index region : regions.of_label) of_label.push_back(region < 0 ? SharedMaterial() : materials[region]);
-  const GridProblem problem{image,
-                            of_label,
-                            *names,
-                            cases_by_label(settings, regions),
-                            said > 0.0 ? said : 2.0 * image.spacing.minCoeff(),
-                            said > 0.0};
+  const GridProblem problem{image, of_label, result.facets, cases_by_label(settings, regions), size, said > 0.0};
   result.more.resize(problem.cases.size() - 1);
   const auto answer_to = [&](std::size_t k) -> ImageAnswer& { return k == 0 ? result : result.more[k - 1]; };
   const auto take = [&](std::vector<CellSolution> solutions) {
@@ -322,6 +273,12 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
     if (!std::isfinite(answer.solution.strain_energy) || !answer.by_cell.stress.allFinite())
       throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
     judge_grid(settings, *answer.estimates, result.warnings, result.refusal);
+    constexpr double lost = 1e7;  // of the energies: as single precision rounds
+    if (const CellLevel& finest = answer.cells->finest(); finest.support_energy > lost * finest.strain_energy)
+      result.warnings.push_back(fmt::format(
+          "springs store {:.2g} times the energy of the body: its stresses may be lost in rounding; hold it "
+          "by stiffer ones, or prescribe displacements",
+          finest.support_energy / finest.strain_energy));
     balance(materials, answer, k == 0 ? "" : fmt::format("case \"{}\": ", settings.cases[k].name), result);
     answer.utilisations = largest_utilisations(common, result.regions, answer.by_cell);
   }

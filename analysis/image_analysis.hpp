@@ -5,7 +5,6 @@
 #include "efree/analysis/utilisation.hpp"
 #include "efree/solvers/cells/cell_fields.hpp"
 
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -33,22 +32,20 @@ struct ImageResult : ImageAnswer {
   std::string refusal;                                    ///< why they are no answer; empty if they are one
   StageTimes times;                                       ///< image, assembly, solve, output
   double cpu_seconds = 0.0;
-  std::map<std::string, std::string> side_names{};  ///< sides that other parts of the boundary are
+  VoxelParts facets{};  ///< of the parts
 
-  /// The side that a part of the boundary is, as 2 axis + (1 if it is the upper one).
-  int side(const std::string& part) const;
   /// The answers to all load cases.
   std::vector<const ImageAnswer*> answers() const;
 };
 
 /// Why settings cannot be answered on the grid of an image alone, but take a mesh; empty if they can, as far as the
-/// image itself does not matter (its labels' materials, and which parts of the boundary are its sides).
+/// image itself does not matter (its labels' materials).
 std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>& settings);
 
 /// The answer, on a grid as fine as the source says; where it says nothing of two voxels, and half of that again and
-/// again until the error is bearable. Nothing if a part of the boundary that the settings name is no side of the image,
-/// or a material is not isotropic or nearly incompressible: that takes a mesh. A selection that covers a side is that
-/// side. Stages: image, assembly, solve, output. Throws as prepare and solve_on_cells.
+/// again until the error is bearable. Nothing if a material is not isotropic or nearly incompressible: that takes a
+/// mesh, as the monitor hears. Parts of the boundary are faces of voxels (ImageBoundary). Stages: image, assembly,
+/// solve, output. Throws as prepare and solve_on_cells.
 std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& settings,
                                          const Monitor& monitor = {});
 

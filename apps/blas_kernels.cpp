@@ -8,7 +8,12 @@
 #include <string>
 #include <string_view>
 
-extern "C" char* openblas_get_corename();
+extern "C" {
+char* openblas_get_corename();
+// Of builds that choose kernels by the processor: forgets the choice, and chooses.
+[[gnu::weak]] void gotoblas_dynamic_quit();
+[[gnu::weak]] void gotoblas_dynamic_init();
+}
 
 namespace efree {
 
@@ -17,10 +22,14 @@ namespace {
 constexpr const char* kernels = "OPENBLAS_CORETYPE";
 constexpr const char* blas_threads = "OPENBLAS_NUM_THREADS";
 
+/// Whether OpenBLAS takes this processor for the oldest it knows.
+bool is_unknown() {
+  return std::string_view(openblas_get_corename()) == "Prescott";
+}
 /// Kernels that suit this processor better than those OpenBLAS has chosen; none if it has chosen well.
 const char* better_kernels() {
 #if defined(__x86_64__)
-  if (std::getenv(kernels) != nullptr || std::string_view(openblas_get_corename()) != "Prescott") return nullptr;
+  if (std::getenv(kernels) != nullptr || !is_unknown()) return nullptr;
   const bool has_avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
                           __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
   const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
@@ -37,7 +46,7 @@ bool is_limited() {
 
 }  // namespace
 
-void restart_with_fast_blas(char** argv) {
+void choose_fast_blas(char** argv) {
   const char* wanted = better_kernels();
   const bool spares_threads = is_limited() && std::getenv(blas_threads) == nullptr;
   if (wanted == nullptr && !spares_threads) return;
@@ -46,6 +55,11 @@ void restart_with_fast_blas(char** argv) {
   for (const char* other : {"ld-", "qemu", "memcheck"})  // a loader or an emulator that runs the program
     if (running.starts_with(other)) return;
   if (wanted != nullptr && setenv(kernels, wanted, 1) != 0) return;
+  if (!spares_threads && gotoblas_dynamic_quit != nullptr && gotoblas_dynamic_init != nullptr) {
+    gotoblas_dynamic_quit();
+    gotoblas_dynamic_init();
+    if (!is_unknown()) return;
+  }
   if (setenv(blas_threads, "1", 1) != 0) return;
   execv("/proc/self/exe", argv);
 }

@@ -5,9 +5,9 @@
 namespace efree {
 
 /// OpenBLAS takes its slowest kernels for processors that are newer than itself, and keeps 128 MiB for each of its
-/// threads, of which we use none. Where wider vectors are there, or memory is limited, starts the program again (same
-/// process, same arguments) with OPENBLAS_CORETYPE or OPENBLAS_NUM_THREADS set; returns if that need not be or cannot
-/// be, or if the user has set them.
-void restart_with_fast_blas(char** argv);
+/// threads, of which we use none. Where wider vectors are there it is made to choose again. Where that cannot be done,
+/// or memory is limited, starts the program again (same process, same arguments) with OPENBLAS_CORETYPE or
+/// OPENBLAS_NUM_THREADS set; returns if that need not be or cannot be, or if the user has set them.
+void choose_fast_blas(char** argv);
 
 }  // namespace efree

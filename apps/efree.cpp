@@ -283,7 +283,7 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  if (!inspect_command.parsed()) restart_with_fast_blas(argv);
+  if (!inspect_command.parsed()) choose_fast_blas(argv);
   keep_freed_memory();
   if (options.study.compare && seeds->empty()) options.study.seeds = 5;
   // What libraries say aside (CGAL, OpenCASCADE, VTK): it comes back as an error, once. Ours goes through stdio.

@@ -76,8 +76,9 @@ void say_warnings(const std::vector<std::string>& warnings, Display& display) {
 
 template <int Dim> class StaticRun final : public CaseRun {
  public:
-  StaticRun(Case<Dim> analysis, const RunOptions& options)
-      : case_(std::move(analysis)), options_(options), record_(options.out, case_) {
+  /// `remark`: to be said before it begins, unless it is empty.
+  StaticRun(Case<Dim> analysis, const RunOptions& options, std::string remark)
+      : case_(std::move(analysis)), options_(options), remark_(std::move(remark)), record_(options.out, case_) {
     case_.steps.done = [this](const Checkpoint<Dim>& there, const Result<Dim>& so_far) { record_.keep(there, so_far); };
   }
 
@@ -96,6 +97,7 @@ template <int Dim> class StaticRun final : public CaseRun {
     } else if (record_.is_unfinished()) {
       warn_of_unfinished(display, options_.out);
     }
+    if (!remark_.empty()) monitor.say(remark_);
     Result<Dim> result = analyse(case_, monitor);
     for (const std::string& line : describe_result<Dim>(case_, result)) monitor.say(line);
     say_warnings(result.warnings, display);
@@ -137,6 +139,7 @@ template <int Dim> class StaticRun final : public CaseRun {
 
   Case<Dim> case_;
   const RunOptions& options_;
+  std::string remark_;
   PathRecord<Dim> record_;
 };
 
@@ -162,8 +165,12 @@ class ImageRun final : public CaseRun {
       const Stage stage("output", monitor.timing(result->times));
       for (const char* other : {"fields.png", "error.png", "history.png", "history.csv", "fields.vtu", "nodes.vtu"})
         out.supersede(other);
-      if (!options_.no_picture) draw_fields(out.file("fields.png"), case_, *result);
-      write_fields(out.file("fields.vti"), case_, *result);
+      const std::filesystem::path fields = out.file("fields.vti"),
+                                  picture = options_.no_picture ? "" : out.file("fields.png");
+      parallel_chunks(2, 1, [&](Index which, Index) {  // neither has work for two threads
+        if (which == 0) write_fields(fields, case_, *result);
+        if (which == 1 && !picture.empty()) draw_fields(picture, case_, *result);
+      });
     }
     write_result(out.file("result.json"), case_, *result);
     return {.failure = result->refusal, .rejected_by = result->refusal.empty() ? "" : "solve", .has_results = true};
@@ -343,13 +350,19 @@ void run_into_directory(CaseRun& run, const RunOptions& options, Display& displa
 }  // namespace
 
 template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
+  std::string remark;
   if constexpr (Dim == 3)
-    if (!options.resume && !analysis.with_mesh && why_image_takes_mesh(analysis.geometry, analysis).empty()) {
-      ImageRun run(analysis, options);
-      run_into_directory(run, options, display);
-      if (!run.takes_mesh()) return;
+    if (!options.resume && !analysis.with_mesh && analysis.geometry.image && analysis.cells != OnCells::never) {
+      const std::string why = why_image_takes_mesh(analysis.geometry, analysis);
+      if (why.empty()) {
+        ImageRun run(analysis, options);
+        run_into_directory(run, options, display);
+        if (!run.takes_mesh()) return;
+      } else {
+        remark = fmt::format("not on cells, as {}: a mesh takes more time and memory", why);
+      }
     }
-  StaticRun<Dim> run(std::move(analysis), options);
+  StaticRun<Dim> run(std::move(analysis), options, std::move(remark));
   run_into_directory(run, options, display);
 }
 template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display) {

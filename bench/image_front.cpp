@@ -3,6 +3,7 @@
 /// memory, to be read beside the tables of bench/peers (same problems, same references).
 ///
 ///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
+///     [nu = 0.3, of which the references are]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
 #include "clock.hpp"
@@ -50,7 +51,7 @@ std::vector<DisplacementCondition<3>> pulled(double shift) {
           {"top", {}, [=](const Vec<3>&) { return shift; }}};
 }
 
-int on_cells(const std::string& name, double size, double tolerance, int threads) {
+int on_cells(const std::string& name, double size, double tolerance, int threads, double nu) {
   const Body body = body_named(name);
   set_num_threads(threads);
   const double start = cpu_seconds(), wall = bench::wall_seconds();
@@ -58,7 +59,7 @@ int on_cells(const std::string& name, double size, double tolerance, int threads
   const double kept = cpu_seconds();
   const double edge = image.size[0];
   StageTimes times;
-  const CellSolution solution = solve_on_cells(image, {{}, LinearElastic(1.0, 0.3)}, pulled(0.01 * edge), {},
+  const CellSolution solution = solve_on_cells(image, {{}, LinearElastic(1.0, nu)}, pulled(0.01 * edge), {},
                                                {.size = size, .tolerance = tolerance}, {.times = &times});
   const double all = cpu_seconds() - start, passed = bench::wall_seconds() - wall;
   const auto modulus = [&](double energy) { return 2.0 * energy / (1e-4 * edge * edge * edge); };
@@ -81,7 +82,8 @@ int on_cells(const std::string& name, double size, double tolerance, int threads
 int main(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == "cells")
     return on_cells(argc > 2 ? argv[2] : "block", argc > 3 ? std::atof(argv[3]) : 2.0,
-                    argc > 4 ? std::atof(argv[4]) : 5e-4, argc > 5 ? std::atoi(argv[5]) : 1);
+                    argc > 4 ? std::atof(argv[4]) : 5e-4, argc > 5 ? std::atoi(argv[5]) : 1,
+                    argc > 6 ? std::atof(argv[6]) : 0.3);
   const std::string name = argc > 1 ? argv[1] : "block";
   const double size = argc > 2 ? std::atof(argv[2]) : 2.0;
   const int degree = argc > 3 ? std::atoi(argv[3]) : 1;

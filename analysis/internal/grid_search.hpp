@@ -11,7 +11,6 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -20,11 +19,11 @@ namespace efree::internal {
 /// An image with its materials, and how its grids begin.
 struct GridProblem {
   const LabelImage<3>& image;
-  std::vector<SharedMaterial> materials;     ///< by label
-  std::map<std::string, std::string> sides;  ///< CellOptions::sides
-  std::vector<Loads<3>> cases;               ///< each with its densities by label
-  double size;                               ///< edges of the first grid's cells [length]
-  bool size_is_said;                         ///< and no other may be taken
+  std::vector<SharedMaterial> materials;  ///< by label
+  VoxelParts parts;                       ///< CellOptions::parts
+  std::vector<Loads<3>> cases;            ///< each with its densities by label
+  double size;                            ///< edges of the first grid's cells [length]
+  bool size_is_said;                      ///< and no other may be taken
 };
 
 /// Relative error in the energy norm from which on a finer grid follows by itself: 2 % of the energy. Cells of two
@@ -56,7 +55,7 @@ template <class Found, class Take, class Tell> void search_grid(const Settings<3
     try {
       auto solutions =
           solve_cases_on_cells(problem.image, problem.materials, settings.supports, problem.cases,
-                               {.size = size, .half_voxel = true, .held = true, .sides = problem.sides}, monitor);
+                               {.size = size, .half_voxel = true, .held = true, .parts = problem.parts}, monitor);
       for (const CellSolution& solution : solutions) error = std::max(error, estimates_on_cells(solution).total());
       take(std::move(solutions));
     } catch (const NumericalError& failure) {

@@ -31,10 +31,10 @@ struct Overlaps {
       begin.push_back(shares.size());
     }
   }
-  /// Means of values `from`, `stride` apart, over a box.
-  float mean(Index box, const float* from, std::size_t stride) const {
+  /// Mean of the line's values over a box.
+  float mean(Index box, const float* from) const {
     float sum = 0.0F;
-    for (std::size_t s = begin[box]; s < begin[box + 1]; ++s) sum += shares[s].share * from[stride * shares[s].voxel];
+    for (std::size_t s = begin[box]; s < begin[box + 1]; ++s) sum += shares[s].share * from[shares[s].voxel];
     return sum;
   }
 };
@@ -46,18 +46,15 @@ class VoxelFractions {
   VoxelFractions(const LabelImage<3>& image, const std::vector<float>& value_of_label, int parts, double grown)
       : image_(image), parts_(parts), grown_(static_cast<float>(grown) * static_cast<float>(parts)) {
     for (int d = 0; d < 3; ++d) size[d] = parts * image.size[d];
-    for (int p = 0; p <= 2 * parts; ++p) {
-      const float t = 0.5F * static_cast<float>(p) / static_cast<float>(parts) - 0.5F;
-      weights_.push_back({0.5F * t * (t - 1.0F), 1.0F - t * t, 0.5F * t * (t + 1.0F)});
+    for (std::size_t p = 0; p < weights_.size(); ++p) {
+      const float t = 0.25F * static_cast<float>(p) - 0.5F;
+      weights_[p] = {0.5F * t * (t - 1.0F), 1.0F - t * t, 0.5F * t * (t + 1.0F)};
     }
-    for (const Label label : image.labels)
-      if (label >= kind_.size()) kind_.resize(label + 1, unknown);
     values_.push_back(value_of_label.empty() ? 0.0F : value_of_label[0]);
-    if (!kind_.empty()) kind_[0] = 0;
-    for (const Label label : image.labels) {
-      if (kind_[label] != unknown) continue;
+    for (const auto& [label, count] : count_labels(image)) {
+      kind_.resize(label + 1, unknown);
       const float value = label < value_of_label.size() ? value_of_label[label] : 0.0F;
-      const auto same = std::find(values_.begin() + 1, values_.end(), value);
+      const auto same = label == 0 ? values_.begin() : std::find(values_.begin() + 1, values_.end(), value);
       kind_[label] = static_cast<std::uint16_t>(same - values_.begin());
       if (same == values_.end()) values_.push_back(value);
     }
@@ -74,24 +71,39 @@ class VoxelFractions {
     const Index nx = image_.size[0], ny = image_.size[1];
     std::array<const Smooth*, 3> smooth;
     for (int dz = -1; dz <= 1; ++dz) smooth[dz + 1] = &smoothed(std::clamp(k + dz, 0, image_.size[2] - 1));
+    const std::vector<std::uint16_t>& kinds = kinds_of(k);
     result_.resize(static_cast<std::size_t>(parts_) * size[0] * size[1]);
-    std::vector<float> values(static_cast<std::size_t>(parts_) * parts_ * parts_);
+    std::array<float, 8> values;
+    constexpr Index at_once = 8;
+    std::array<std::uint8_t, at_once> all_whole;
+    all_whole.fill(whole);
     for (Index j = 0; j < ny; ++j)
       for (Index i = 0; i < nx; ++i) {
-        const std::uint16_t kind = kind_[image_.at({i, j, k})];
+        const std::size_t voxel = i + static_cast<std::size_t>(nx) * j;
+        const std::uint16_t kind = kinds[voxel];
+        const std::uint8_t* of_kind = smooth[1]->of_kind[kind].data() + voxel;
+        if (parts_ == 1 && i + at_once <= nx && std::equal(all_whole.begin(), all_whole.end(), of_kind)) {
+          std::fill_n(result_.begin() + static_cast<std::ptrdiff_t>(voxel), at_once, values_[kind]);
+          i += at_once - 1;
+          continue;
+        }
+        const int own = *of_kind;
         // Walls, slits and specks a voxel thick, which smoothing would take away, stay as they are.
-        const int own = smooth[1]->of_kind[kind][i + static_cast<std::size_t>(nx) * j];
-        const bool thin = image_.grey.empty() && own <= whole / 2 && is_thin({i, j, k});
-        if (own == whole || thin)
-          std::ranges::fill(
-              values, thin && kind > 0 ? std::clamp(1.0F + 2.0F * grown_, 0.0F, 1.0F) * values_[kind] : values_[kind]);
+        const bool thin = own <= whole / 2 && image_.grey.empty() && is_thin({i, j, k});
+        if (own == whole)
+          values.fill(values_[kind]);
+        else if (thin)
+          values.fill(kind > 0 ? std::clamp(1.0F + 2.0F * grown_, 0.0F, 1.0F) * values_[kind] : values_[kind]);
         else
-          split({i, j, k}, smooth, values);
-        for (int p = 0; p < static_cast<int>(values.size()); ++p)
-          result_[parts_ * i + p % parts_ +
+          split({i, j, k}, kind, smooth, values);
+        if (parts_ == 1) {
+          result_[voxel] = values[0];
+          continue;
+        }
+        for (int p = 0; p < 8; ++p)
+          result_[2 * i + (p & 1) +
                   static_cast<std::size_t>(size[0]) *
-                      (parts_ * j + p / parts_ % parts_ + static_cast<std::size_t>(size[1]) * (p / parts_ / parts_))] =
-              values[p];
+                      (2 * j + (p >> 1 & 1) + static_cast<std::size_t>(size[1]) * (p >> 2))] = values[p];
       }
     return result_;
   }
@@ -106,6 +118,10 @@ class VoxelFractions {
     Index layer = -1;
     std::vector<Plane> of_kind;
   };
+  struct Kinds {
+    Index layer = -1;
+    std::vector<std::uint16_t> of_voxel;
+  };
 
   /// Whether both neighbours along an axis are of other kinds than a voxel.
   bool is_thin(const std::array<Index, 3>& voxel) const {
@@ -118,22 +134,33 @@ class VoxelFractions {
     return false;
   }
 
+  const std::vector<std::uint16_t>& kinds_of(Index k) {
+    Kinds& out = kinds_[k % kinds_.size()];
+    if (out.layer == k) return out.of_voxel;
+    out.layer = k;
+    const std::size_t plane = static_cast<std::size_t>(image_.size[0]) * image_.size[1];
+    out.of_voxel.resize(plane);
+    const Label* labels = image_.labels.data() + plane * k;
+    for (std::size_t i = 0; i < plane; ++i) out.of_voxel[i] = kind_[labels[i]];
+    return out.of_voxel;
+  }
+
   const Smooth& smoothed(Index k) {
-    Smooth& out = smooth_[k % 3];
+    Smooth& out = smooth_[k % smooth_.size()];
     if (out.layer == k) return out;
     out.layer = k;
     out.of_kind.resize(values_.size());
     const Index nx = image_.size[0], ny = image_.size[1];
     const std::size_t plane = static_cast<std::size_t>(nx) * ny;
-    const Label* layers[3];
-    for (int dz = -1; dz <= 1; ++dz)
-      layers[dz + 1] = image_.labels.data() + plane * std::clamp(k + dz, 0, image_.size[2] - 1);
-    // Along z, along y, along x; the frame repeats its outermost voxels.
+    std::array<const std::uint16_t*, 3> layers;
+    for (int dz = -1; dz <= 1; ++dz) layers[dz + 1] = kinds_of(std::clamp(k + dz, 0, image_.size[2] - 1)).data();
+    // Along z, along y, along x; the frame repeats its outermost voxels. The last kind is what the others leave.
     Plane columns(plane), rows(plane);
-    for (std::size_t kind = 0; kind < values_.size(); ++kind) {
+    out.of_kind.back().assign(plane, static_cast<std::uint8_t>(whole));
+    for (std::size_t kind = 0; kind + 1 < values_.size(); ++kind) {
       for (std::size_t i = 0; i < plane; ++i)
-        columns[i] = static_cast<std::uint8_t>((kind_[layers[0][i]] == kind) + 2 * (kind_[layers[1][i]] == kind) +
-                                               (kind_[layers[2][i]] == kind));
+        columns[i] =
+            static_cast<std::uint8_t>((layers[0][i] == kind) + 2 * (layers[1][i] == kind) + (layers[2][i] == kind));
       for (Index j = 0; j < ny; ++j) {
         const std::uint8_t *before = columns.data() + static_cast<std::size_t>(nx) * std::max(j - 1, 0),
                            *here = columns.data() + static_cast<std::size_t>(nx) * j,
@@ -145,24 +172,48 @@ class VoxelFractions {
       result.resize(plane);
       for (Index j = 0; j < ny; ++j) {
         const std::uint8_t* from = rows.data() + static_cast<std::size_t>(nx) * j;
-        std::uint8_t* to = result.data() + static_cast<std::size_t>(nx) * j;
+        std::uint8_t *to = result.data() + static_cast<std::size_t>(nx) * j,
+                     *rest = out.of_kind.back().data() + static_cast<std::size_t>(nx) * j;
         for (Index i = 1; i + 1 < nx; ++i) to[i] = static_cast<std::uint8_t>(from[i - 1] + 2 * from[i] + from[i + 1]);
         to[0] = static_cast<std::uint8_t>(3 * from[0] + from[std::min(1, nx - 1)]);
         to[nx - 1] = static_cast<std::uint8_t>(3 * from[nx - 1] + from[std::max(nx - 2, 0)]);
+        for (Index i = 0; i < nx; ++i) rest[i] = static_cast<std::uint8_t>(rest[i] - to[i]);
       }
     }
     return out;
   }
 
-  /// Adds by part how much of it lies where the stencil's field, quadratic along each axis, is positive, if a plane
-  /// bounds it: to `sums` times `value`, to `all` as it is.
-  void add_fractions(const Stencil& stencil, float grown, float value, std::array<float, 8>& sums,
-                     std::array<float, 8>& all) const {
+  /// How much of a part lies where a field is positive, if a plane bounds that: from its values in the middle and at
+  /// the middles of the sides.
+  static float fraction(float middle, const std::array<float, 3>& low, const std::array<float, 3>& high, float grown) {
+    float mean = middle, change = 0.0F, squares = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
+    for (int d = 0; d < 3; ++d) {
+      mean += (low[d] + high[d] - 2.0F * middle) / 6.0F;
+      const float across = high[d] - low[d];
+      change += std::abs(across);
+      squares += across * across;
+    }
+    if (grown != 0.0F) mean += grown * std::sqrt(squares);
+    return change > 0.0F ? std::clamp(0.5F + mean / change, 0.0F, 1.0F) : mean > 0.0F ? 1.0F : 0.0F;
+  }
+  /// That of a whole voxel: `at` its own value, and those before and after along each axis.
+  static float whole_fraction(float own, const std::array<float, 3>& before, const std::array<float, 3>& after,
+                              float grown) {
+    std::array<float, 3> low, high;
+    for (int d = 0; d < 3; ++d) {
+      low[d] = 0.375F * before[d] + 0.75F * own - 0.125F * after[d];
+      high[d] = -0.125F * before[d] + 0.75F * own + 0.375F * after[d];
+    }
+    return fraction(own, low, high, grown);
+  }
+
+  /// By half part of a voxel how much of it lies where the stencil's field, quadratic along each axis, is positive.
+  std::array<float, 8> eighth_fractions(const Stencil& stencil, float grown) const {
     // At the parts' faces and middles: along x, along y, along z.
-    const int m = 2 * parts_ + 1;
-    std::array<float, 45> along_x;
-    std::array<float, 75> along_xy;
-    std::array<float, 125> at;
+    constexpr int m = 5;
+    std::array<float, 9 * m> along_x;
+    std::array<float, 3 * m * m> along_xy;
+    std::array<float, m * m * m> at;
     for (int p = 0; p < m; ++p) {
       const auto& w = weights_[p];
       for (int n = 0; n < 9; ++n)
@@ -179,66 +230,69 @@ class VoxelFractions {
       for (int i = 0; i < m * m; ++i)
         at[p * m * m + i] = weights_[p][0] * along_xy[i] + weights_[p][1] * along_xy[m * m + i] +
                             weights_[p][2] * along_xy[2 * m * m + i];
-    int part = 0;
-    for (int z = 0; z < parts_; ++z)
-      for (int y = 0; y < parts_; ++y)
-        for (int x = 0; x < parts_; ++x, ++part) {
-          const float* middle = &at[((2 * z + 1) * m + 2 * y + 1) * m + 2 * x + 1];
-          float mean = *middle, change = 0.0F,
-                squares = 0.0F;  // Simpson's mean: where boundaries are curved, so is the field
-          for (const int step : {1, m, m * m}) {
-            mean += (middle[step] + middle[-step] - 2.0F * *middle) / 6.0F;
-            const float across = middle[step] - middle[-step];
-            change += std::abs(across);
-            squares += across * across;
-          }
-          mean += grown * std::sqrt(squares);
-          const float fraction = change > 0.0F ? std::clamp(0.5F + mean / change, 0.0F, 1.0F)
-                                 : mean > 0.0F ? 1.0F
-                                               : 0.0F;
-          sums[part] += fraction * value;
-          all[part] += fraction;
-        }
+    std::array<float, 8> fractions;
+    for (int part = 0; part < 8; ++part) {
+      const float* middle = &at[((2 * (part >> 2) + 1) * m + 2 * (part >> 1 & 1) + 1) * m + 2 * (part & 1) + 1];
+      fractions[part] =
+          fraction(*middle, {middle[-1], middle[-m], middle[-m * m]}, {middle[1], middle[m], middle[m * m]}, grown);
+    }
+    return fractions;
   }
 
-  void split(const std::array<Index, 3>& voxel, const std::array<const Smooth*, 3>& smooth,
-             std::vector<float>& values) const {
-    std::array<std::size_t, 9> around;  // in a layer
-    for (int n = 0; n < 9; ++n)
-      around[n] = std::clamp(voxel[0] + n % 3 - 1, 0, image_.size[0] - 1) +
-                  static_cast<std::size_t>(image_.size[0]) * std::clamp(voxel[1] + n / 3 - 1, 0, image_.size[1] - 1);
-    const std::size_t plane = static_cast<std::size_t>(image_.size[0]) * image_.size[1];
-    std::array<float, 8> sums{}, all{};
-    Stencil stencil;
+  /// Mean values in the parts of a voxel that a boundary cuts.
+  void split(const std::array<Index, 3>& voxel, std::uint16_t own, const std::array<const Smooth*, 3>& smooth,
+             std::array<float, 8>& values) const {
+    std::array<std::array<std::size_t, 3>, 3> at;  // by axis: steps to the voxel before, itself, the next
+    std::size_t stride = 1;
+    for (int d = 0; d < 3; stride *= image_.size[d++])
+      for (int n = 0; n < 3; ++n) at[d][n] = stride * std::clamp(voxel[d] + n - 1, 0, image_.size[d] - 1);
+    /// What a kind, whose field around the voxel is value(x, y, z) at 0 to 2 along each axis, has of the parts.
+    const auto fractions = [&](const auto& value, float grown) {
+      std::array<float, 8> result{};
+      if (parts_ == 1) {
+        result[0] = whole_fraction(value(1, 1, 1), {value(0, 1, 1), value(1, 0, 1), value(1, 1, 0)},
+                                   {value(2, 1, 1), value(1, 2, 1), value(1, 1, 2)}, grown);
+        return result;
+      }
+      Stencil stencil;
+      for (int n = 0; n < 27; ++n) stencil[n] = value(n % 3, n / 3 % 3, n / 9);
+      return eighth_fractions(stencil, grown);
+    };
     if (!image_.grey.empty()) {
-      for (int n = 0; n < 27; ++n)
-        stencil[n] = image_.grey[around[n % 9] + plane * std::clamp(voxel[2] + n / 9 - 1, 0, image_.size[2] - 1)];
       // Far from boundaries some fields have the largest number there is.
       float largest = 0.0F;
-      for (const float value : stencil) largest = std::max(largest, std::abs(value));
-      for (float& value : stencil) value /= largest;
-      add_fractions(stencil, grown_, material_, sums, all);
-      all.fill(1.0F);
-    } else {
-      for (std::size_t kind = 0; kind < values_.size(); ++kind) {
-        if (smooth[1]->of_kind[kind][around[4]] == 0) continue;
-        for (int n = 0; n < 27; ++n)
-          stencil[n] = static_cast<float>(smooth[n / 9]->of_kind[kind][around[n % 9]]) / whole - 0.5F;
-        add_fractions(stencil, kind == 0 ? -grown_ : grown_, values_[kind], sums, all);
+      const auto grey = [&](int x, int y, int z) { return image_.grey[at[0][x] + at[1][y] + at[2][z]]; };
+      for (int n = 0; n < 27; ++n) largest = std::max(largest, std::abs(grey(n % 3, n / 3 % 3, n / 9)));
+      values = fractions([&](int x, int y, int z) { return grey(x, y, z) / largest; }, grown_);
+      for (float& value : values) value *= material_;
+      return;
+    }
+    std::array<float, 8> sums{}, all{};
+    const bool two = values_.size() == 2;  // the other has the rest
+    if (two) all.fill(1.0F);
+    for (std::size_t kind = two ? 1 : 0; kind < values_.size(); ++kind) {
+      if (smooth[1]->of_kind[kind][at[0][1] + at[1][1]] == 0) continue;
+      const auto field = [&](int x, int y, int z) {
+        return static_cast<float>(smooth[z]->of_kind[kind][at[0][x] + at[1][y]]) / whole - 0.5F;
+      };
+      const std::array<float, 8> of_kind = fractions(field, kind == 0 ? -grown_ : grown_);
+      for (std::size_t p = 0; p < 8; ++p) {
+        sums[p] += of_kind[p] * values_[kind] + (two ? (1.0F - of_kind[p]) * values_[0] : 0.0F);
+        if (!two) all[p] += of_kind[p];
       }
     }
-    for (std::size_t p = 0; p < values.size(); ++p)
-      values[p] = all[p] > 0.0F ? sums[p] / all[p] : values_[kind_[image_.at(voxel)]];
+    for (std::size_t p = 0; p < 8; ++p) values[p] = all[p] > 0.0F ? sums[p] / all[p] : values_[own];
   }
 
   const LabelImage<3>& image_;
   int parts_;
-  float grown_;                                ///< by how much void recedes [parts]
-  std::vector<std::uint16_t> kind_;            ///< by label: labels of the same value are of one kind
-  std::vector<float> values_;                  ///< by kind: void, then labels by their values
-  float material_ = 0.0F;                      ///< value of what is not void, with grey values
-  std::vector<std::array<float, 3>> weights_;  ///< of quadratics through -1, 0, 1, by face or middle of a part
+  float grown_;                                  ///< by how much void recedes [parts]
+  std::vector<std::uint16_t> kind_;              ///< by label: labels of the same value are of one kind
+  std::vector<float> values_;                    ///< by kind: void, then labels by their values
+  float material_ = 0.0F;                        ///< value of what is not void, with grey values
+  std::array<std::array<float, 3>, 5> weights_;  ///< of quadratics through -1, 0, 1, by face or middle of a half
   std::array<Smooth, 3> smooth_;
+  std::array<Kinds, 5> kinds_;
   std::vector<float> result_;
 };
 
@@ -255,56 +309,58 @@ VoxelFractions voxel_fractions(const LabelImage<3>& image, const std::vector<flo
 
 }  // namespace
 
-std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                                const std::array<Index, 3>& boxes, double grown) {
+struct BoxAverages::Parts {
+  VoxelFractions voxels;
+  std::array<Index, 3> boxes;
+  Overlaps x, y, z;
+};
+
+BoxAverages::BoxAverages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
+                         const std::array<Index, 3>& boxes, double grown) {
   check_image(image);
   require_boxes(boxes);
-  const VoxelFractions of_image = voxel_fractions(image, value_of_label, boxes, grown);
+  const VoxelFractions voxels = voxel_fractions(image, value_of_label, boxes, grown);
+  const auto& n = voxels.size;
+  parts_ = std::make_unique<const Parts>(Parts{voxels, boxes, {n[0], boxes[0]}, {n[1], boxes[1]}, {n[2], boxes[2]}});
+}
+BoxAverages::BoxAverages(BoxAverages&&) noexcept = default;
+BoxAverages::~BoxAverages() = default;
+
+std::vector<float> BoxAverages::layers(Index first, Index last) const {
+  const auto& [of_image, boxes, x, y, z] = *parts_;
   const auto& n = of_image.size;
-  const Overlaps x(n[0], boxes[0]), y(n[1], boxes[1]), z(n[2], boxes[2]);
   const auto along = static_cast<std::size_t>(boxes[0]), plane = along * boxes[1];
-  std::vector<float> means(plane * boxes[2]);
-  parallel_chunks(boxes[2], 16, [&](Index begin, Index end) {
+  std::vector<float> means(plane * (last - first));
+  parallel_chunks(last - first, 16, [&](Index begin, Index end) {
     VoxelFractions voxels = of_image;
-    std::vector<float> lines(along * n[1]);
-    const std::vector<float>* layer = nullptr;
+    const Index parts = voxels.parts();
+    const std::size_t line_plane = along * n[1];
+    std::vector<float> lines(parts * line_plane);  // means along x, of the parts of a layer of voxels
     Index there = -1;
-    for (Index k = begin; k < end; ++k)
+    for (Index k = first + begin; k < first + end; ++k)
       for (std::size_t s = z.begin[k]; s < z.begin[k + 1]; ++s) {
         const Index part = z.shares[s].voxel;
-        if (part / voxels.parts() != there) layer = &voxels.layer(there = part / voxels.parts());
-        const float* from = layer->data() + static_cast<std::size_t>(n[0]) * n[1] * (part % voxels.parts());
-        for (Index j = 0; j < n[1]; ++j)
-          for (Index i = 0; i < boxes[0]; ++i)
-            lines[i + along * j] = x.mean(i, from + static_cast<std::size_t>(n[0]) * j, 1);
-        float* out = means.data() + plane * k;
+        if (part / parts != there) {
+          const std::vector<float>& layer = voxels.layer(there = part / parts);
+          for (Index j = 0; j < parts * n[1]; ++j)
+            for (Index i = 0; i < boxes[0]; ++i)
+              lines[i + along * j] = x.mean(i, layer.data() + static_cast<std::size_t>(n[0]) * j);
+        }
+        float* out = means.data() + plane * (k - first);
         for (Index j = 0; j < boxes[1]; ++j)
-          for (Index i = 0; i < boxes[0]; ++i)
-            out[i + along * j] += z.shares[s].share * y.mean(j, lines.data() + i, along);
+          for (std::size_t t = y.begin[j]; t < y.begin[j + 1]; ++t) {
+            const float share = z.shares[s].share * y.shares[t].share;
+            const float* line = lines.data() + line_plane * (part % parts) + along * y.shares[t].voxel;
+            for (std::size_t i = 0; i < along; ++i) out[along * j + i] += share * line[i];
+          }
       }
   });
   return means;
 }
 
-std::vector<float> side_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                                 const std::array<Index, 3>& boxes, int axis, bool upper) {
-  check_image(image);
-  require_boxes(boxes);
-  // The side as an image of its own, one voxel deep.
-  LabelImage<3> side{.size = image.size, .spacing = image.spacing, .origin = image.origin};
-  side.size[axis] = 1;
-  std::array<Index, 3> at{};
-  for (at[2] = 0; at[2] < side.size[2]; ++at[2])
-    for (at[1] = 0; at[1] < side.size[1]; ++at[1])
-      for (at[0] = 0; at[0] < side.size[0]; ++at[0]) {
-        std::array<Index, 3> from = at;
-        if (upper) from[axis] = image.size[axis] - 1;
-        side.labels.push_back(image.at(from));
-        if (!image.grey.empty()) side.grey.push_back(image.grey[image.index(from)]);
-      }
-  std::array<Index, 3> flat = boxes;
-  flat[axis] = 1;
-  return box_averages(side, value_of_label, flat);
+std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
+                                const std::array<Index, 3>& boxes, double grown) {
+  return BoxAverages(image, value_of_label, boxes, grown).layers(0, boxes[2]);
 }
 
 }  // namespace efree

@@ -4,6 +4,10 @@
 
 #include "efree/geometry/input/label_image.hpp"
 
+#include <array>
+#include <memory>
+#include <vector>
+
 namespace efree {
 
 /// Means over boxes of a quantity that each label has its value of: the image's frame is cut into boxes[0] x boxes[1] x
@@ -20,9 +24,20 @@ namespace efree {
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
                                 const std::array<Index, 3>& boxes, double grown = 0.0);
 
-/// The same over the rectangles that boxes have on a side of the frame (axis 0 to 2, at its lower or upper end), from
-/// the outermost voxels; the lower of the other two axes fastest.
-std::vector<float> side_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                                 const std::array<Index, 3>& boxes, int axis, bool upper);
+/// The same layer by layer of boxes, where all at once would be too many.
+class BoxAverages {
+ public:
+  /// Keeps a reference to the image. Throws as box_averages does.
+  BoxAverages(const LabelImage<3>& image, const std::vector<float>& value_of_label, const std::array<Index, 3>& boxes,
+              double grown = 0.0);
+  BoxAverages(BoxAverages&&) noexcept;
+  ~BoxAverages();
+  /// Of the layers [begin, end) of boxes along z, x fastest.
+  std::vector<float> layers(Index begin, Index end) const;
+
+ private:
+  struct Parts;
+  std::unique_ptr<const Parts> parts_;
+};
 
 }  // namespace efree

@@ -2,8 +2,8 @@
 #include "efree/geometry/input/label_image.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <random>
 
 namespace efree {
@@ -65,68 +66,29 @@ template <int Dim> Label label_near(const LabelImage<Dim>& image, const Vec<Dim>
 }
 
 template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
-  std::vector<std::int64_t> pixels(std::numeric_limits<Label>::max() + 1, 0);
-  for (const Label label : image.labels) ++pixels[label];
-  std::vector<LabelCount> counts;
-  for (std::size_t label = 0; label < pixels.size(); ++label)
-    if (pixels[label] > 0) counts.push_back({static_cast<Label>(label), pixels[label]});
-  return counts;
-}
-
-template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image) {
-  const std::size_t pixels = image.labels.size(), row = image.size[0];
-  if (pixels > static_cast<std::size_t>(std::numeric_limits<Index>::max()))
-    throw InputError(
-        fmt::format("image: {} pixels, at most {} can be numbered", pixels, std::numeric_limits<Index>::max()));
-  internal::DisjointSets parts(static_cast<Index>(pixels));
-  for (std::size_t first = 0; first < pixels; first += row) {
-    std::array<std::size_t, Dim> back{1};  // to the neighbour before along each axis, 0: none
-    std::size_t stride = row;
-    for (int d = 1; d < Dim; stride *= image.size[d++]) back[d] = first / stride % image.size[d] > 0 ? stride : 0;
-    for (std::size_t pixel = first; pixel < first + row; ++pixel) {
-      const Label label = image.labels[pixel];
-      const auto has_it = [&](std::size_t other) { return image.labels[other] == label; };
-      const bool goes_on = pixel > first && has_it(pixel - 1);
-      if (goes_on) parts.join(static_cast<Index>(pixel - 1), static_cast<Index>(pixel));
-      for (int d = 1; d < Dim; ++d) {
-        // The pixel before this one has been joined to its neighbour there, if that has the label, too.
-        if (back[d] == 0 || !has_it(pixel - back[d]) || (goes_on && has_it(pixel - 1 - back[d]))) continue;
-        parts.join(static_cast<Index>(pixel - back[d]), static_cast<Index>(pixel));
+  constexpr std::size_t chunk = std::size_t{1} << 22U, labels = std::numeric_limits<Label>::max() + 1;
+  const std::size_t pixels = image.labels.size();
+  std::vector<std::vector<LabelCount>> of_chunk((pixels + chunk - 1) / chunk);
+  parallel_chunks(static_cast<Index>(of_chunk.size()), 1, [&](Index first, Index last) {
+    std::vector<std::int64_t> count(labels, 0);
+    for (Index c = first; c < last; ++c) {
+      std::ranges::fill(count, 0);
+      const std::size_t stop = std::min(pixels, (c + 1) * chunk);
+      for (std::size_t begin = c * chunk, end = begin; begin < stop; begin = end) {  // run by run
+        const Label label = image.labels[begin];
+        while (end < stop && image.labels[end] == label) ++end;
+        count[label] += static_cast<std::int64_t>(end - begin);
       }
+      for (std::size_t label = 0; label < labels; ++label)
+        if (count[label] > 0) of_chunk[c].push_back({static_cast<Label>(label), count[label]});
     }
-  }
-  ConnectedPixels out{{}, std::move(parts).firsts()};
-  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-    Index& part = out.part_of[pixel];
-    const bool is_first = part == static_cast<Index>(pixel);
-    part = is_first ? static_cast<Index>(out.parts.size()) : out.part_of[part];
-    if (is_first) out.parts.push_back({image.labels[pixel], 0});
-    ++out.parts[part].pixels;
-  }
-  return out;
-}
-
-template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image) {
-  check_image(image);
-  LabelImage<Dim> material{.size = image.size, .labels = image.labels};
-  for (Label& label : material.labels) label = label != 0;
-  const auto [parts, part_of] = connected_pixels(material);
-  Index largest = -1, bodies = 0;
-  std::size_t pixels = 0;
-  for (std::size_t k = 0; k < parts.size(); ++k) {
-    if (parts[k].label == 0) continue;
-    ++bodies;
-    pixels += parts[k].pixels;
-    if (largest < 0 || parts[k].pixels > parts[largest].pixels) largest = static_cast<Index>(k);
-  }
-  if (largest < 0) throw InputError("image: all of it is void");
-  LargestBody<Dim> out{image, bodies - 1,
-                       static_cast<double>(pixels - parts[largest].pixels) / static_cast<double>(pixels)};
-  for (std::size_t pixel = 0; pixel < part_of.size(); ++pixel)
-    if (part_of[pixel] != largest) out.image.labels[pixel] = 0;
-  for (std::size_t pixel = 0; pixel < out.image.grey.size(); ++pixel)
-    if (part_of[pixel] != largest) out.image.grey[pixel] = -std::abs(out.image.grey[pixel]);
-  return out;
+  });
+  std::map<Label, std::int64_t> all;
+  for (const auto& some : of_chunk)
+    for (const LabelCount& one : some) all[one.label] += one.pixels;
+  std::vector<LabelCount> counts;
+  for (const auto& [label, number] : all) counts.push_back({label, number});
+  return counts;
 }
 
 template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& options) {
@@ -179,10 +141,6 @@ template Label label_near<2>(const LabelImage<2>&, const Vec<2>&, int);
 template Label label_near<3>(const LabelImage<3>&, const Vec<3>&, int);
 template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
 template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
-template ConnectedPixels connected_pixels<2>(const LabelImage<2>&);
-template ConnectedPixels connected_pixels<3>(const LabelImage<3>&);
-template LargestBody<2> keep_largest<2>(const LabelImage<2>&);
-template LargestBody<3> keep_largest<3>(const LabelImage<3>&);
 template LabelImage<2> random_spheres<2>(Index, const RandomSpheres&);
 template LabelImage<3> random_spheres<3>(Index, const RandomSpheres&);
 

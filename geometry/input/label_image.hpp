@@ -75,7 +75,7 @@ template <int Dim> struct LargestBody {
 /// Keeps the largest connected body of all pixels that are not void, whatever their labels. Pixels are connected
 /// through edges (faces in 3D), so bodies that touch in a corner only are apart. Of bodies of the same size the first
 /// stays. Throws InputError if all is void.
-template <int Dim> LargestBody<Dim> keep_largest(const LabelImage<Dim>& image);
+template <int Dim> LargestBody<Dim> keep_largest(LabelImage<Dim> image);
 
 /// What random_spheres carves out.
 struct RandomSpheres {

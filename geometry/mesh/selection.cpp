@@ -1,37 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/geometry/mesh/selection.hpp"
 
-#include "efree/core/error.hpp"
 #include "efree/core/internal/disjoint_sets.hpp"
-#include "efree/core/internal/unit_vector.hpp"
+#include "efree/geometry/mesh/internal/select_facets.hpp"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
+#include <optional>
 
 namespace efree {
 namespace {
-
-template <int Dim> std::string shown(const Vec<Dim>& x) {
-  return fmt::format("({:.6g})", fmt::join(x, ", "));
-}
-
-double cosine(double degrees) {
-  if (!(degrees > 0.0 && degrees <= 180.0))
-    throw InputError(fmt::format("angle = {}, expected a number in (0, 180] degrees", degrees));
-  // Facets that lie exactly at the angle belong to it, whatever rounding says.
-  return std::cos(degrees * std::numbers::pi / 180.0) - 1e-12;
-}
-
-template <int Dim> Vec<Dim> unit(const Vec<Dim>& direction) {
-  if (direction.isZero(0.0) || !direction.allFinite())
-    throw InputError(fmt::format("normal = {}, expected a direction", shown<Dim>(direction)));
-  return internal::unit_vector<Dim>(direction);
-}
 
 template <int Dim> double squared_distance(const FineMesh<Dim>& mesh, Index f, const Vec<Dim>& x) {
   const Vec<Dim> a = mesh.vertex(mesh.facets()(0, f));
@@ -50,12 +29,6 @@ template <int Dim> double squared_distance(const FineMesh<Dim>& mesh, Index f, c
     return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
   }
 }
-
-/// Facets between regions, which are no boundary.
-struct Interfaces {
-  std::vector<TiedFacets> ties;
-  std::vector<char> has;  ///< by facet
-};
 
 /// Facets that share an edge (a vertex in 2D). Vertices that ties put into one place count as one.
 template <int Dim> class Neighbours {
@@ -98,90 +71,45 @@ template <int Dim> class Neighbours {
   std::vector<std::pair<Index, Index>> copies_{};  ///< (first, other) of those, ascending
 };
 
-template <int Dim>
-std::vector<Index> select(const FineMesh<Dim>& mesh, const NearestPatch<Dim>& wanted, const Interfaces& outside) {
-  const double least = cosine(wanted.angle);
-  const Neighbours<Dim> neighbours(mesh, outside.ties);
-  Index nearest = -1;
-  double distance = std::numeric_limits<double>::infinity();
-  for (Index f = 0; f < mesh.num_facets(); ++f) {
-    if (outside.has[f]) continue;
-    const double here = squared_distance<Dim>(mesh, f, wanted.point);
-    if (here < distance) nearest = f, distance = here;
+/// The boundary of a mesh without the facets between regions, which are none.
+template <int Dim> class MeshBoundary {
+ public:
+  MeshBoundary(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties)
+      : mesh_(mesh), ties_(ties), tied_(mesh.num_facets(), 0) {
+    for (const auto& [first, second] : ties) tied_[first] = tied_[second] = 1;
   }
-  if (nearest < 0) return {};
-  std::vector<char> seen = outside.has;
-  std::vector<Index> patch{nearest};
-  seen[nearest] = 1;
-  for (std::size_t k = 0; k < patch.size(); ++k) {
-    const Vec<Dim> normal = mesh.facet_normal(patch[k]);
-    neighbours.visit(patch[k], [&](Index g) {
-      if (seen[g] || mesh.facet_normal(g).dot(normal) < least) return;
-      seen[g] = 1;
-      patch.push_back(g);
-    });
+
+  Index size() const { return mesh_.num_facets(); }
+  bool can_be_selected(Index f) const { return !tied_[f]; }
+  template <class Predicate> bool all_corners(Index f, const Predicate& wanted) const {
+    for (int k = 0; k < Dim; ++k)
+      if (!wanted(mesh_.vertex(mesh_.facets()(k, f)))) return false;
+    return true;
   }
-  std::ranges::sort(patch);
-  return patch;
-}
+  Vec<Dim> normal(Index f) const { return mesh_.facet_normal(f); }
+  double squared_distance(Index f, const Vec<Dim>& x) const { return efree::squared_distance<Dim>(mesh_, f, x); }
+  template <class Visit> void visit_neighbours(Index f, const Visit& visit) const {
+    if (!neighbours_) neighbours_.emplace(mesh_, ties_);
+    neighbours_->visit(f, [&](Index g) { visit(g, [&] { return normal(f).dot(normal(g)); }); });
+  }
+  double diagonal() const {
+    return (mesh_.vertices().rowwise().maxCoeff() - mesh_.vertices().rowwise().minCoeff()).norm();
+  }
 
-template <int Dim, class Predicate>
-std::vector<Index> facets_where(const FineMesh<Dim>& mesh, const Interfaces& outside, const Predicate& wanted) {
-  std::vector<Index> facets;
-  for (Index f = 0; f < mesh.num_facets(); ++f)
-    if (!outside.has[f] && wanted(f)) facets.push_back(f);
-  return facets;
-}
-
-template <int Dim> double diagonal(const FineMesh<Dim>& mesh) {
-  return (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).norm();
-}
-
-/// Whether all vertices of facet f are where `wanted` says.
-template <int Dim, class Predicate> bool all_vertices(const FineMesh<Dim>& mesh, Index f, const Predicate& wanted) {
-  for (int k = 0; k < Dim; ++k)
-    if (!wanted(mesh.vertex(mesh.facets()(k, f)))) return false;
-  return true;
-}
-
-template <int Dim>
-std::vector<Index> select(const FineMesh<Dim>& mesh, const InBox<Dim>& box, const Interfaces& outside) {
-  if (!(box.low.array() <= box.high.array()).all())
-    throw InputError(
-        fmt::format("box from {} to {}, expected its lowest corner first", shown<Dim>(box.low), shown<Dim>(box.high)));
-  const double rounding = 1e-9 * diagonal(mesh);
-  return facets_where(mesh, outside, [&](Index f) {
-    return all_vertices(mesh, f, [&](const Vec<Dim>& x) {
-      return (x.array() >= box.low.array() - rounding).all() && (x.array() <= box.high.array() + rounding).all();
-    });
-  });
-}
-
-template <int Dim>
-std::vector<Index> select(const FineMesh<Dim>& mesh, const OnPlane<Dim>& plane, const Interfaces& outside) {
-  if (!(plane.tolerance >= 0.0))
-    throw InputError(fmt::format("tolerance = {}, expected a length that is not negative", plane.tolerance));
-  const Vec<Dim> n = unit<Dim>(plane.normal);
-  const double tolerance = plane.tolerance > 0.0 ? plane.tolerance : 1e-6 * diagonal(mesh);
-  return facets_where(mesh, outside, [&](Index f) {
-    return all_vertices(mesh, f, [&](const Vec<Dim>& x) { return std::abs(n.dot(x - plane.point)) <= tolerance; });
-  });
-}
-
-template <int Dim>
-std::vector<Index> select(const FineMesh<Dim>& mesh, const Facing<Dim>& facing, const Interfaces& outside) {
-  const Vec<Dim> n = unit<Dim>(facing.direction);
-  const double least = cosine(facing.angle);
-  return facets_where(mesh, outside, [&](Index f) { return mesh.facet_normal(f).dot(n) >= least; });
-}
+ private:
+  const FineMesh<Dim>& mesh_;
+  const std::vector<TiedFacets>& ties_;
+  std::vector<char> tied_;
+  mutable std::optional<Neighbours<Dim>> neighbours_{};  ///< found when they are asked for
+};
 
 }  // namespace
 
 template <int Dim>
 std::vector<Index> select_facets(const FineMesh<Dim>& mesh, const Selection<Dim>& selection, std::string_view open) {
-  Interfaces outside{tied_facets(mesh, open), std::vector<char>(mesh.num_facets(), 0)};
-  for (const auto& [first, second] : outside.ties) outside.has[first] = outside.has[second] = 1;
-  return std::visit([&](const auto& wanted) { return select(mesh, wanted, outside); }, selection);
+  const std::vector<TiedFacets> ties = tied_facets(mesh, open);
+  const MeshBoundary<Dim> boundary(mesh, ties);
+  return std::visit(internal::FacetSelector<Dim, MeshBoundary<Dim>>(boundary), selection);
 }
 
 template std::vector<Index> select_facets<2>(const FineMesh<2>&, const Selection<2>&, std::string_view);

@@ -80,7 +80,7 @@ LabelImage<Dim> read_labels(const std::string& path, const ImageOptions<Dim>& re
   made.remarks = std::move(remarks);
   made.warnings = std::move(warnings);
   if (!largest_only) return std::move(labels);
-  LargestBody<Dim> body = keep_largest(labels);
+  LargestBody<Dim> body = keep_largest(std::move(labels));
   report_islands(body.islands, body.fraction, made);
   return std::move(body.image);
 }

@@ -83,7 +83,7 @@ template <int Dim> void draw_body(const std::filesystem::path& file, const BodyP
   const double largest = body.displacement.colwise().norm().maxCoeff();
   double drawn = largest > 0.0 ? length / (15.0 * largest) : 0.0;
   if (body.true_to_scale) drawn = std::max(drawn, 1.0);
-  const Surface deformed{undeformed.points + drawn * body.displacement, undeformed.triangles};
+  const Surface deformed{undeformed.points + drawn * body.displacement, undeformed.triangles, undeformed.skin};
 
   View view;
   if constexpr (solid) {
@@ -99,7 +99,7 @@ template <int Dim> void draw_body(const std::filesystem::path& file, const BodyP
   std::vector<Segment> ends;
   if constexpr (solid) {
     draw_flat(canvas, at, undeformed, [&](std::size_t) { return shadow; });
-    if (body.has_creases) {
+    if (undeformed.skin == Skin::smooth) {
       draw_lines(canvas, at, undeformed.points, shape_edges(undeformed), 2.0, outline);
       ends = shape_edges(deformed);
     }

@@ -3,8 +3,9 @@
 #include "efree/io/pictures/internal/body_picture.hpp"
 #include "efree/io/pictures/picture.hpp"
 
+#include <algorithm>
 #include <array>
-#include <map>
+#include <cmath>
 #include <set>
 #include <string>
 
@@ -16,6 +17,10 @@ using namespace internal::drawing;
 /// The faces of cells that are mostly material, between these and others, as triangles.
 class CellSkin {
  public:
+  struct Face {
+    std::array<Index, 3> cell;
+    int side;  ///< 2 axis, plus 1 at its upper end
+  };
   CellSkin(const Lattice& grid, const CellFields& fields)
       : grid_(grid),
         fields_(fields),
@@ -35,7 +40,7 @@ class CellSkin {
   std::vector<Triangle> triangles;
   std::vector<std::size_t> corners;  ///< by point: of the grid
   std::vector<double> sums, counts;  ///< by point: von Mises stresses of the cells behind, and how many
-  std::vector<char> side_of;         ///< by triangle: of the frame, as 2 axis + upper; -1: inside
+  std::vector<Face> faces;           ///< by two triangles
 
  private:
   bool is_solid(const std::array<Index, 3>& at) const {
@@ -71,8 +76,7 @@ class CellSkin {
     if (side % 2 == 0) std::swap(of[1], of[3]);
     triangles.push_back({of[0], of[1], of[2]});
     triangles.push_back({of[0], of[2], of[3]});
-    const bool framed = side % 2 == 1 ? at[axis] + 1 == grid_.cubes[axis] : at[axis] == 0;
-    side_of.insert(side_of.end(), 2, static_cast<char>(framed ? side : -1));
+    faces.push_back({at, side});
   }
 
   const Lattice& grid_;
@@ -80,16 +84,34 @@ class CellSkin {
   std::vector<Index> point_;  ///< by point of the grid
 };
 
+/// Whether a part of the boundary has a face of a voxel that faces the same way, no farther than a cell before or
+/// behind the middle of a face of a cell.
+bool is_near(const CellSkin::Face& face, const std::vector<VoxelFacet>& part, const LabelImage<3>& image,
+             const Lattice& grid) {
+  const int axis = face.side / 2;
+  Vec<3> middle(face.cell[0] + 0.5, face.cell[1] + 0.5, face.cell[2] + 0.5);
+  middle[axis] = face.cell[axis] + face.side % 2;
+  const Vec<3> at = middle.cwiseProduct(grid.spacing).cwiseQuotient(image.spacing);
+  const double reach = std::max(1.0, grid.spacing[axis] / image.spacing[axis]);
+  std::array<Index, 3> voxel;
+  for (int d = 0; d < 3; ++d) voxel[d] = std::clamp(static_cast<Index>(at[d]), 0, image.size[d] - 1);
+  const auto first = static_cast<Index>(std::floor(at[axis] - reach)),
+             last = static_cast<Index>(std::ceil(at[axis] + reach));
+  for (voxel[axis] = std::max(first, 0); voxel[axis] < std::min(last, image.size[axis]); ++voxel[axis])
+    if (std::ranges::binary_search(part, VoxelFacet{6 * image.index(voxel) + static_cast<std::size_t>(face.side)}))
+      return true;
+  return false;
+}
+
 }  // namespace
 
 void draw_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {
   const CellSolution& cells = *result.cells;
   CellSkin skin(cells.grid, result.by_cell);
   if (skin.triangles.empty()) return;  // all walls are thinner than half a cell
-  BodyPicture<3> body{.undeformed = {Points<3>(3, std::ssize(skin.corners)), std::move(skin.triangles)},
+  BodyPicture<3> body{.undeformed = {Points<3>(3, std::ssize(skin.corners)), std::move(skin.triangles), Skin::faces},
                       .displacement = Points<3>(3, std::ssize(skin.corners)),
-                      .values = Vector(std::ssize(skin.corners)),
-                      .has_creases = false};
+                      .values = Vector(std::ssize(skin.corners))};
   const auto& n = cells.grid.cubes;
   for (std::size_t p = 0; p < skin.corners.size(); ++p) {
     const std::size_t at = skin.corners[p], row = n[0] + 1, layer = row * (n[1] + 1);
@@ -104,11 +126,10 @@ void draw_fields(const std::filesystem::path& file, const Settings<3>& settings,
     std::vector<Triangle> pieces;
     std::set<std::string> named;
     for (const auto& condition : conditions) named.insert(condition.on);
-    for (const std::string& name : named) {
-      const int side = result.side(name);
-      for (std::size_t t = 0; t < skin.side_of.size(); ++t)
-        if (skin.side_of[t] == side) pieces.push_back(body.undeformed.triangles[t]);
-    }
+    for (const std::string& name : named)
+      for (std::size_t f = 0; f < skin.faces.size(); ++f)
+        if (is_near(skin.faces[f], result.facets.at(name), *result.image, cells.grid))
+          for (const std::size_t t : {2 * f, 2 * f + 1}) pieces.push_back(body.undeformed.triangles[t]);
     return pieces;
   };
   body.held = pieces_on(settings.supports);

@@ -6,108 +6,115 @@
 #include "efree/solvers/cells/internal/cell_kernels.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace efree::internal {
 namespace {
 
 using namespace kernels;
 
-/// f += K u for the layers [begin, end) of cells.
-struct Elastic {
-  template <class T, class V> [[gnu::always_inline]] static inline void layers(const CellGrid& grid, const T* const* u,
-                                                                               T* const* f, int count, Index begin,
-                                                                               Index end) {
+/// f += K u for the cells from (i, j, k) on.
+template <Dilatation Of> struct Elastic {
+  template <class T, class V>
+  [[gnu::always_inline]] static inline void cells(const CellGrid& grid, const T* u, T* f, Index i, Index j, Index k) {
+    constexpr int at_once = sizeof(V) / sizeof(T);
     const T inverse_edges[3] = {T(grid.inverse_edges[0]), T(grid.inverse_edges[1]), T(grid.inverse_edges[2])};
     const std::size_t nodes = grid.nodes();
-    for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < grid.cells[1]; ++j)
-        for (int r = 0; r < count; ++r)  // what a row weighs stays in the cache
-          for (Index i = 0; i < grid.row; i += W) {
-            const std::size_t block = grid.block(i, j, k);
-            if (grid.empty[block]) continue;
-            const float* weights = grid.stiffness.data() + block * 16 * W;
-            std::size_t at[8];
-            for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
-            Slopes<V> g[3], s[3];
-            for (int c = 0; c < 3; ++c) {
-              V corner[8];
-              for (int a = 0; a < 8; ++a) load(u[r] + c * nodes + at[a], corner[a]);
-              slopes_of(corner, inverse_edges, g[c]);
-            }
+    CellParts::Weights<at_once / W> weights;
+    grid.parts.read(grid.block(i, j, k), weights);
+    std::size_t at[8];
+    for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
+    Slopes<V> g[3], s[3];
+    for (int c = 0; c < 3; ++c) {
+      V corner[8];
+      for (int a = 0; a < 8; ++a) load(u + c * nodes + at[a], corner[a]);
+      slopes_of(corner, inverse_edges, g[c]);
+    }
+    V mean{};
+    if constexpr (Of == Dilatation::mean) {
+      V sum{}, all{};
+      for (int q = 0; q < 8; ++q) {
+        V across;
+        load_weights(weights.across + q * at_once, across);
+        sum += across * (g[0].x[q >> 1] + g[1].y[(q & 1) + (q >> 2 << 1)] + g[2].z[q & 3]);
+        all += across;
+      }
+      mean = sum / (all + std::numeric_limits<T>::min());
+    }
 #pragma GCC unroll 8
-            for (int q = 0; q < 8; ++q) {
-              const int yz = q >> 1, xz = (q & 1) + (q >> 2 << 1), xy = q & 3;
-              V shear, across;
-              load_weights(weights + q * W, shear);
-              load_weights(weights + (q + 8) * W, across);
-              const V twice = shear + shear, pressure = across * (g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
-              const V xx = twice * g[0].x[yz] + pressure, yy = twice * g[1].y[xz] + pressure,
-                      zz = twice * g[2].z[xy] + pressure;
-              const V shear_xy = shear * (g[0].y[xz] + g[1].x[yz]), shear_xz = shear * (g[0].z[xy] + g[2].x[yz]),
-                      shear_yz = shear * (g[1].z[xy] + g[2].y[xz]);
-              const bool first_x = (q & 1) == 0, first_y = (q & 2) == 0, first_z = (q & 4) == 0;
-              s[0].x[yz] = first_x ? xx : s[0].x[yz] + xx;
-              s[1].x[yz] = first_x ? shear_xy : s[1].x[yz] + shear_xy;
-              s[2].x[yz] = first_x ? shear_xz : s[2].x[yz] + shear_xz;
-              s[0].y[xz] = first_y ? shear_xy : s[0].y[xz] + shear_xy;
-              s[1].y[xz] = first_y ? yy : s[1].y[xz] + yy;
-              s[2].y[xz] = first_y ? shear_yz : s[2].y[xz] + shear_yz;
-              s[0].z[xy] = first_z ? shear_xz : s[0].z[xy] + shear_xz;
-              s[1].z[xy] = first_z ? shear_yz : s[1].z[xy] + shear_yz;
-              s[2].z[xy] = first_z ? zz : s[2].z[xy] + zz;
-            }
-            for (int c = 0; c < 3; ++c) {
-              V corner[8];
-              from_slopes(s[c], inverse_edges, corner);
-              for (int a = 0; a < 8; ++a) add_to(f[r] + c * nodes + at[a], corner[a]);
-            }
-          }
+    for (int q = 0; q < 8; ++q) {
+      const int yz = q >> 1, xz = (q & 1) + (q >> 2 << 1), xy = q & 3;
+      V shear, across;
+      load_weights(weights.shear + q * at_once, shear);
+      load_weights(weights.across + q * at_once, across);
+      const V twice = shear + shear,
+              pressure = across * (Of == Dilatation::mean ? mean : g[0].x[yz] + g[1].y[xz] + g[2].z[xy]);
+      const V xx = twice * g[0].x[yz] + pressure, yy = twice * g[1].y[xz] + pressure,
+              zz = twice * g[2].z[xy] + pressure;
+      const V shear_xy = shear * (g[0].y[xz] + g[1].x[yz]), shear_xz = shear * (g[0].z[xy] + g[2].x[yz]),
+              shear_yz = shear * (g[1].z[xy] + g[2].y[xz]);
+      const bool first_x = (q & 1) == 0, first_y = (q & 2) == 0, first_z = (q & 4) == 0;
+      s[0].x[yz] = first_x ? xx : s[0].x[yz] + xx;
+      s[1].x[yz] = first_x ? shear_xy : s[1].x[yz] + shear_xy;
+      s[2].x[yz] = first_x ? shear_xz : s[2].x[yz] + shear_xz;
+      s[0].y[xz] = first_y ? shear_xy : s[0].y[xz] + shear_xy;
+      s[1].y[xz] = first_y ? yy : s[1].y[xz] + yy;
+      s[2].y[xz] = first_y ? shear_yz : s[2].y[xz] + shear_yz;
+      s[0].z[xy] = first_z ? shear_xz : s[0].z[xy] + shear_xz;
+      s[1].z[xy] = first_z ? shear_yz : s[1].z[xy] + shear_yz;
+      s[2].z[xy] = first_z ? zz : s[2].z[xy] + zz;
+    }
+    for (int c = 0; c < 3; ++c) {
+      V corner[8];
+      from_slopes(s[c], inverse_edges, corner);
+      for (int a = 0; a < 8; ++a) add_to(f + c * nodes + at[a], corner[a]);
+    }
   }
 };
 
 }  // namespace
 
-CellLayout::CellLayout(const std::array<Index, 3>& cells_, const Vec<3>& edges_)
-    : cells(cells_), edges(edges_), row((cells_[0] + lanes - 1) / lanes * lanes), pitch(row + lanes) {
-  for (int d = 0; d < 3; ++d) inverse_edges[d] = 1.0 / edges[d];
-}
+CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const PartLayers& layers,
+                   const std::vector<PartStiffness>& exact)
+    : CellLayout(cells_, edges_), parts(*this, layers, exact) {}
 
-CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const std::vector<float>& shear,
-                   const std::vector<float>& across)
-    : CellLayout(cells_, edges_) {
-  const std::size_t blocks = static_cast<std::size_t>(row / lanes) * cells[1] * cells[2];
-  stiffness.assign(blocks * 16 * lanes, 0.0F);
-  empty.assign(blocks, 1);
-  const auto volume = static_cast<float>(edges.prod() / 8.0);
+Parts CellGrid::layers(Index begin, Index end) const {
   const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
-  parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k)
+  Parts result;
+  result.shear.resize(plane * 2 * (end - begin));
+  result.across.resize(result.shear.size());
+  parallel_chunks(end - begin, 1, [&](Index first, Index last) {
+    for (Index k = first; k < last; ++k)
       for (Index j = 0; j < cells[1]; ++j)
-        for (Index i = 0; i < cells[0]; ++i) {
-          float* to = stiffness.data() + block(i, j, k) * 16 * lanes + i % lanes;
+        for (Index i = 0; i < cells[0]; ++i)
           for (int q = 0; q < 8; ++q) {
             const std::size_t part =
                 2 * static_cast<std::size_t>(i) + (q & 1) + along * (2 * j + (q >> 1 & 1)) + plane * (2 * k + (q >> 2));
-            if (shear[part] == 0.0F) continue;
-            to[q * lanes] = volume * shear[part];
-            to[(q + 8) * lanes] = volume * across[part];
-            empty[block(i, j, k)] = 0;
+            const PartStiffness& of = moduli(i, j, begin + k, q);
+            result.shear[part] = of.shear;
+            result.across[part] = of.across;
           }
-        }
   });
+  return result;
 }
 
-void CellGrid::apply(const float* u, float* f) const {
-  apply(&u, &f, 1);
+void CellGrid::apply(const float* u, float* f, Dilatation dilatation) const {
+  apply(&u, &f, 1, dilatation);
 }
-void CellGrid::apply(const double* u, double* f) const {
-  apply(&u, &f, 1);
+void CellGrid::apply(const double* u, double* f, Dilatation dilatation) const {
+  apply(&u, &f, 1, dilatation);
 }
-void CellGrid::apply(const float* const* u, float* const* f, int count) const {
-  product<Elastic, float, Floats>(*this, 3, u, f, count);
+void CellGrid::apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
+  if (dilatation == Dilatation::mean)
+    product<Elastic<Dilatation::mean>, float, Floats>(*this, 3, u, f, count);
+  else
+    product<Elastic<Dilatation::local>, float, Floats>(*this, 3, u, f, count);
 }
-void CellGrid::apply(const double* const* u, double* const* f, int count) const {
-  product<Elastic, double, Doubles>(*this, 3, u, f, count);
+void CellGrid::apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const {
+  if (dilatation == Dilatation::mean)
+    product<Elastic<Dilatation::mean>, double, Doubles>(*this, 3, u, f, count);
+  else
+    product<Elastic<Dilatation::local>, double, Doubles>(*this, 3, u, f, count);
 }
 
 namespace {
@@ -116,11 +123,16 @@ namespace {
 CellEigenvalues of_one_ratio(const Vec<3>& edges, float across_over_shear) {
   CellEigenvalues result{};
   for (int set = 1; set < 256; ++set) {
-    std::vector<float> shear(8);
-    for (int q = 0; q < 8; ++q) shear[q] = set >> q & 1 ? 1.0F : 0.0F;
-    std::vector<float> across = shear;
-    for (float& value : across) value *= across_over_shear;
-    const CellGrid cell({1, 1, 1}, edges, shear, across);
+    if (const int like = mirrored(set); like < set) {
+      result[set] = result[like];
+      continue;
+    }
+    Parts parts{std::vector<float>(8), std::vector<float>(8)};
+    for (int q = 0; q < 8; ++q) {
+      parts.shear[q] = set >> q & 1 ? 1.0F : 0.0F;
+      parts.across[q] = across_over_shear * parts.shear[q];
+    }
+    const CellGrid cell({1, 1, 1}, edges, layers_of(parts, {1, 1, 1}));
     std::vector<double> u(cell.size(), 0.0), f(cell.size());
     const auto dof = [&](int a) {
       const int corner = a % 8;
@@ -142,7 +154,18 @@ CellEigenvalues of_one_ratio(const Vec<3>& edges, float across_over_shear) {
 
 }  // namespace
 
-CellEigenvalues largest_eigenvalues(const Vec<3>& edges, float least, float most) {
+int mirrored(int set) {
+  int least = set;
+  for (int mirror = 1; mirror < 8; ++mirror) {  // bit d: along axis d
+    int image = 0;
+    for (int q = 0; q < 8; ++q) image |= (set >> q & 1) << (q ^ mirror);
+    least = std::min(least, image);
+  }
+  return least;
+}
+
+CellEigenvalues largest_eigenvalues(const Vec<3>& edges, const std::array<float, 2>& ratios) {
+  const auto [least, most] = ratios;
   CellEigenvalues eigenvalues = of_one_ratio(edges, least);
   if (most > 1.001F * least || most < 0.999F * least) {
     const CellEigenvalues other = of_one_ratio(edges, most);
@@ -171,22 +194,23 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < cells[1]; ++j)
         for (Index i = 0; i < cells[0]; ++i) {
-          if (empty[block(i, j, k)]) continue;
-          std::array<float, 8> shear, factor{};
+          if (parts.is_empty(block(i, j, k))) continue;
+          std::array<float, 8> shear, across, factor{};
           std::array<int, 8> order{0, 1, 2, 3, 4, 5, 6, 7};
-          for (int q = 0; q < 8; ++q) shear[q] = weight(i, j, k, q);
-          const auto uniform = [&](int first) {
-            for (int q = 1; q < 8; ++q)
-              if (weight(i, j, k, first + q) != weight(i, j, k, first)) return false;
-            return true;
-          };
-          if (uniform(0) && uniform(8)) {
-            const float factor_of_all = margin * eigenvalue[255], across = weight(i, j, k, 8),
+          bool uniform = true;
+          for (int q = 0; q < 8; ++q) {
+            const PartStiffness& of = weight(i, j, k, q);
+            shear[q] = of.shear;
+            across[q] = of.across;
+            uniform = uniform && shear[q] == shear[0] && across[q] == across[0];
+          }
+          if (uniform) {
+            const float factor_of_all = margin * eigenvalue[255],
                         by_shear = shear[0] * (whole[0] + whole[1] + whole[2]);
             for (int a = 0; a < 8; ++a) {
               float* at = result.data() + node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
               for (int d = 0; d < 3; ++d)
-                at[d * nodes()] += factor_of_all * ((across + shear[0]) * whole[d] + by_shear);
+                at[d * nodes()] += factor_of_all * ((across[0] + shear[0]) * whole[d] + by_shear);
             }
             continue;
           }
@@ -203,34 +227,13 @@ std::vector<float> CellGrid::bound(const CellEigenvalues& eigenvalue) const {
             for (int q = 0; q < 8; ++q) {
               if (shear[q] == 0.0F) continue;
               const auto& s = squares[a][q];
-              const float across = weight(i, j, k, q + 8), by_shear = shear[q] * (s[0] + s[1] + s[2]);
-              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor[q] * ((across + shear[q]) * s[d] + by_shear);
+              const float by_shear = shear[q] * (s[0] + s[1] + s[2]);
+              for (int d = 0; d < 3; ++d) at[d * nodes()] += factor[q] * ((across[q] + shear[q]) * s[d] + by_shear);
             }
           }
         }
   });
   return result;
-}
-
-std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
-                          const std::array<int, 3>& ratio) {
-  const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
-  const std::array<Index, 3> out{2 * cells[0] / ratio[0], 2 * cells[1] / ratio[1], 2 * cells[2] / ratio[2]};
-  const float share = 1.0F / static_cast<float>(ratio[0] * ratio[1] * ratio[2]);
-  std::vector<float> means(static_cast<std::size_t>(out[0]) * out[1] * out[2]);
-  parallel_chunks(out[2], 2, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < out[1]; ++j)
-        for (Index i = 0; i < out[0]; ++i) {
-          const float* from = parts.data() + ratio[0] * i + along * ratio[1] * j + plane * ratio[2] * k;
-          float sum = 0.0F;
-          for (int z = 0; z < ratio[2]; ++z)
-            for (int y = 0; y < ratio[1]; ++y)
-              for (int x = 0; x < ratio[0]; ++x) sum += from[x + along * y + plane * z];
-          means[i + static_cast<std::size_t>(out[0]) * (j + static_cast<std::size_t>(out[1]) * k)] = share * sum;
-        }
-  });
-  return means;
 }
 
 }  // namespace efree::internal

@@ -10,29 +10,12 @@
 #include <string_view>
 
 namespace efree {
-namespace {
-
-constexpr std::array<std::string_view, 6> sides{"left", "right", "front", "back", "bottom", "top"};
-
-}  // namespace
-
-bool is_side(const std::string& name) {
-  return std::ranges::find(sides, name) != sides.end();
-}
 
 namespace internal {
 
-Side side_named(const std::string& given, const SideNames& names) {
-  const auto other = names.find(given);
-  const std::string& name = other == names.end() ? given : other->second;
-  const auto found = std::ranges::find(sides, name);
-  if (found == sides.end())
-    throw InputError(
-        fmt::format("on cells conditions and loads are on sides of the image (left, right, front, back, bottom, top), "
-                    "not on \"{}\"",
-                    name));
-  const auto s = static_cast<int>(found - sides.begin());
-  return {s / 2, s % 2 == 1};
+const std::array<std::string, 6>& side_names() {
+  static const std::array<std::string, 6> names{"left", "right", "front", "back", "bottom", "top"};
+  return names;
 }
 
 std::string text_of(const Vec<3>& x) {
@@ -43,46 +26,22 @@ namespace {
 
 using Triple = std::array<Index, 3>;
 
-/// Calls f(i, j, centre, area of material) for the rectangles of a side that have some.
-template <class F>
-void for_parts(const CellProblem& problem, const Side& side, const std::vector<float>& parts, const F& f) {
-  const int first = side.first(), second = side.second();
-  const Triple& n = problem.grid.cells;
-  Triple node{};
-  node[side.axis] = side.upper ? n[side.axis] : 0;
-  for (Index b = 0; b < 2 * n[second]; ++b)
-    for (Index a = 0; a < 2 * n[first]; ++a) {
-      const double share = parts[a + static_cast<std::size_t>(2 * n[first]) * b];
-      if (share == 0.0) continue;
-      Vec<3> at = problem.local(node);
-      at[first] = 0.5 * (a + 0.5) * problem.edges[first];
-      at[second] = 0.5 * (b + 0.5) * problem.edges[second];
-      f(a, b, Vec<3>(problem.origin + problem.axes * at), 0.25 * problem.edges[first] * problem.edges[second] * share);
-    }
-}
-
 /// Adds the work-equivalent forces of a traction, unscaled. Returns what they are together.
-Resultant<3> add_traction(const CellProblem& problem, const Side& side, const TractionCondition<3>& traction,
-                          const std::vector<float>& parts, Field& load) {
+Resultant<3> add_traction(const CellProblem& problem, const std::vector<BoundaryPatch>& patches,
+                          const TractionCondition<3>& traction, Field& load) {
   Resultant<3> sum;
-  const Vec<3> normal = (side.upper ? 1.0 : -1.0) * problem.axes.col(side.axis);
-  Triple node{};
-  node[side.axis] = side.upper ? problem.grid.cells[side.axis] : 0;
-  for_parts(problem, side, parts, [&](Index a, Index b, const Vec<3>& at, double area) {
-    const Vec<3> t = traction.traction(at, normal);
+  for (const BoundaryPatch& patch : patches) {
+    const Vec<3> x = problem.centroid(patch);
+    const Vec<3> t = traction.traction(x, patch.facet_area / patch.area * problem.axes * patch.facet_normal());
     if (!t.allFinite())
       throw InputError(fmt::format("{} on \"{}\" is {} at {}, expected finite numbers", traction.kind, traction.on,
-                                   text_of(t), text_of(at)));
-    for (int corner = 0; corner < 4; ++corner) {
-      Triple to = node;
-      to[side.first()] = a / 2 + (corner & 1);
-      to[side.second()] = b / 2 + (corner >> 1);
-      const double weight = ((corner & 1) == (a & 1) ? 0.75 : 0.25) * ((corner >> 1) == (b & 1) ? 0.75 : 0.25);
-      const Vec<3> force = weight * area * t, along = problem.axes.transpose() * force;
-      for (int c = 0; c < 3; ++c) load[problem.dof(c, to)] += along[c];
-      sum.add(problem.place(to), force);
-    }
-  });
+                                   text_of(t), text_of(x)));
+    const Vec<3> force = patch.area * t, along = problem.axes.transpose() * force;
+    problem.for_corners(patch, [&](const std::array<Index, 3>& node, double weight) {
+      for (int c = 0; c < 3; ++c) load[problem.dof(c, node)] += weight * along[c];
+      sum.add(problem.place(node), weight * force);
+    });
+  }
   return sum;
 }
 
@@ -142,19 +101,16 @@ bool acts(const Loads<3>& loads) {
   return !loads.tractions.empty() || !loads.resultants.empty() || loads.inside();
 }
 
-std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const SideNames& names,
-                                      const std::function<const std::vector<float>&(const Side&)>& on_side,
+std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const PartPatches& patches,
                                       const std::vector<LabelShare>& shares, Field& to) {
   std::vector<AppliedLoad<3>> applied;
   const auto apply = [&](const TractionCondition<3>& traction) {
-    const Side side = side_named(traction.on, names);
-    applied.push_back({traction.on, traction.kind, add_traction(problem, side, traction, on_side(side), to)});
+    applied.push_back({traction.on, traction.kind, add_traction(problem, patches.at(traction.on), traction, to)});
   };
   for (const auto& traction : loads.tractions) apply(traction);
   for (const auto& load : loads.resultants) {
-    const Side side = side_named(load.on, names);
     AreaMoments<3> part;
-    for_parts(problem, side, on_side(side), [&](Index, Index, const Vec<3>& at, double area) { part.add(at, area); });
+    for (const BoundaryPatch& patch : patches.at(load.on)) part.add(problem.centroid(patch), patch.area);
     apply(part.traction(load));
   }
   if (loads.body_force)

@@ -67,10 +67,15 @@ template void prolong<double>(const CellProblem&, const CellProblem&, const Fiel
 
 CellMultigrid::CellMultigrid(const std::vector<std::unique_ptr<CellProblem>>& grids)
     : grids_(grids), work_(grids.size()) {
-  for (std::size_t l = 0; l < grids.size(); ++l)
-    for (auto* field : {&work_[l].b, &work_[l].x, &work_[l].step, &work_[l].rest})
-      *field = zeros<float>(grids[l]->grid.size());
   factor(*grids.back());
+}
+
+void CellMultigrid::take(std::size_t l) {
+  for (auto* field : {&work_[l].b, &work_[l].x, &work_[l].step, &work_[l].rest})
+    if (field->empty()) *field = zeros<float>(grids_[l]->grid.size());
+}
+void CellMultigrid::release(std::size_t l) {
+  for (auto* field : {&work_[l].x, &work_[l].step, &work_[l].rest}) *field = SingleField();
 }
 
 void CellMultigrid::factor(const CellProblem& coarsest) {
@@ -100,7 +105,7 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
       const std::size_t dof = c * grid.nodes() + grid.node(i, j, k);
       if (i % 3 == x && j % 3 == y && k % 3 == z && unknown[dof] >= 0) u[dof] = 1.0;
     });
-    grid.apply(u.data(), f.data());
+    coarsest.apply(u.data(), f.data(), Dilatation::local);  // as all coarser grids
     for_nodes([&](Index i, Index j, Index k) {
       // The one node of this colour among the neighbours.
       const Index a = i + (x - i % 3 + 4) % 3 - 1, b = j + (y - j % 3 + 4) % 3 - 1, d = k + (z - k % 3 + 4) % 3 - 1;
@@ -132,7 +137,7 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
 }
 
 /// x += a polynomial of b - K x (chebyshev_steps).
-void CellMultigrid::smooth(std::size_t l, bool from_zero) {
+void CellMultigrid::smooth(std::size_t l, bool from_zero, Dilatation dilatation) {
   const CellProblem& problem = *grids_[l];
   const float* inverse = problem.inverse_diagonal.data();
   Work& w = work_[l];
@@ -143,7 +148,7 @@ void CellMultigrid::smooth(std::size_t l, bool from_zero) {
       for_all(w.b.size(), [&](std::size_t i) { w.x[i] = w.step[i] = take * inverse[i] * w.b[i]; });
       continue;
     }
-    problem.grid.apply(w.x.data(), w.rest.data());
+    problem.apply(w.x.data(), w.rest.data(), dilatation);
     problem.project(w.rest);
     if (s == 0)
       for_all(w.b.size(), [&](std::size_t i) {
@@ -159,6 +164,10 @@ void CellMultigrid::smooth(std::size_t l, bool from_zero) {
 }
 
 const SingleField& CellMultigrid::cycle(std::size_t l) {
+  return cycle(l, grids_[l]->dilatation);
+}
+const SingleField& CellMultigrid::cycle(std::size_t l, Dilatation dilatation) {
+  take(l);
   Work& w = work_[l];
   if (l + 1 == grids_.size()) {
     std::ranges::fill(w.x, 0.0F);
@@ -171,16 +180,17 @@ const SingleField& CellMultigrid::cycle(std::size_t l) {
     return w.x;
   }
   const CellProblem &fine = *grids_[l], &coarse = *grids_[l + 1];
-  smooth(l, true);
-  fine.grid.apply(w.x.data(), w.rest.data());
+  smooth(l, true, dilatation);
+  fine.apply(w.x.data(), w.rest.data(), dilatation);
   for_all(w.b.size(), [&](std::size_t i) { w.rest[i] = fine.inverse_diagonal[i] > 0.0F ? w.b[i] - w.rest[i] : 0.0F; });
   fine.project(w.rest);
+  take(l + 1);
   restrict_to(coarse, fine.grid, w.rest, work_[l + 1].b);
   coarse.project(work_[l + 1].b);
-  prolong(coarse, fine, cycle(l + 1), w.x);
+  prolong(coarse, fine, cycle(l + 1, Dilatation::local), w.x);
   for_all(w.b.size(), [&](std::size_t i) { w.x[i] = fine.inverse_diagonal[i] > 0.0F ? w.x[i] : 0.0F; });
   fine.project(w.x);
-  smooth(l, false);
+  smooth(l, false, dilatation);
   return w.x;
 }
 

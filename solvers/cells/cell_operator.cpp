@@ -17,10 +17,10 @@ Vec<3> edges_or_endless(const Vec<3>& edges, const std::array<bool, 3>& flat) {
   return result;
 }
 
-/// Moduli as they were before they were rounded, if they are those of one of the materials.
+/// PartStiffness as they were before they were rounded, if they are those of one of the materials.
 std::array<double, 2> before_rounding(const ExactStiffness& known, double a, double b) {
   for (std::size_t m = 0; m < known.rounded.size(); ++m) {
-    const std::array<double, 2> one{known.rounded[m][0], known.rounded[m][1]};
+    const std::array<double, 2> one{known.rounded[m].shear, known.rounded[m].across};
     if (std::abs(a - one[0]) <= 4e-7 * std::abs(one[0]) && std::abs(b - one[1]) <= 4e-6 * std::abs(one[1]))
       return known.exact[m];
   }
@@ -31,20 +31,25 @@ std::array<double, 2> before_rounding(const ExactStiffness& known, double a, dou
 template <class Grid, int Components> class GridOperator : public CellOperator {
  public:
   GridOperator(Grid grid, const std::array<bool, 3>& flat, const ExactStiffness& exact)
-      : grid_(std::move(grid)), flat_(flat), exact_(exact) {
+      : grid_(std::move(grid)), flat_(flat), exact_(exact), dilatation_(needed(grid_)) {
     for (int d = 0; d < 3; ++d)
       if (flat[d]) grid_.inverse_edges[d] = 0.0;
   }
   const CellLayout& layout() const override { return grid_; }
   int components() const override { return Components; }
-  void apply(const float* const* u, float* const* f, int count) const override { grid_.apply(u, f, count); }
-  void apply(const double* const* u, double* const* f, int count) const override { grid_.apply(u, f, count); }
+  Dilatation dilatation() const override { return dilatation_; }
+  void apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const override {
+    multiply(grid_, u, f, count, dilatation);
+  }
+  void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const override {
+    multiply(grid_, u, f, count, dilatation);
+  }
 
   Vector apply_strain(const Vector& strain, Field& f) override {
     Field u = zeros<double>(size());
     f = zeros<double>(size());
     add_affine(strain, u);
-    apply_with_ends_apart(grid_, u, f);
+    apply_with_ends_apart(grid_, u, f, dilatation_);
     return moments(f);
   }
 
@@ -57,9 +62,9 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
     for (Index j = 0; j < loads; ++j) {
       for_all(size(), [&](std::size_t i) { total[i] = u[j][i]; });
       add_affine(applied.col(j), total);
-      apply_with_ends_apart(grid_, total, f);
+      apply_with_ends_apart(grid_, total, f, dilatation_);
       if (rounded_off) {
-        apply_with_ends_apart(*rounded_off, total, more);
+        apply_with_ends_apart(*rounded_off, total, more, Dilatation::local);
         for_all(size(), [&](std::size_t i) { f[i] += more[i]; });
       }
       means.stress.col(j) = moments(f);
@@ -75,15 +80,26 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
   Grid grid_;
   std::array<bool, 3> flat_;
   ExactStiffness exact_;
+  Dilatation dilatation_;
 
  private:
+  static Dilatation needed(const CellGrid& grid) { return grid.needed(); }
+  static Dilatation needed(const ConductionGrid&) { return Dilatation::local; }
+  template <class T>
+  static void multiply(const CellGrid& grid, const T* const* u, T* const* f, int count, Dilatation dilatation) {
+    grid.apply(u, f, count, dilatation);
+  }
+  template <class T>
+  static void multiply(const ConductionGrid& grid, const T* const* u, T* const* f, int count, Dilatation) {
+    grid.apply(u, f, count);
+  }
   /// f = K u, where nodes at both ends of a flat axis may have different values.
-  void apply_with_ends_apart(Grid& grid, const Field& u, Field& f) const {
+  void apply_with_ends_apart(Grid& grid, const Field& u, Field& f, Dilatation dilatation) const {
     const std::array<double, 3> inverse_edges = grid.inverse_edges;
     for (int d = 0; d < 3; ++d) grid.inverse_edges[d] = 1.0 / grid.edges[d];
     const double* from = u.data();
     double* to = f.data();
-    grid.apply(&from, &to, 1);
+    multiply(grid, &from, &to, 1, dilatation);
     grid.inverse_edges = inverse_edges;
   }
   /// Calls f(node, x) for the nodes of a layer, x from the lowest corner.
@@ -125,40 +141,26 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
   }
   /// A grid of the differences between exact weights and those in single precision.
   Grid what_rounding_took() const {
-    constexpr int kinds = Components == 3 ? 2 : 1;
     Grid difference = grid_;
-    std::vector<float>& weights = weights_of(difference);
     const double volume = grid_.edges.prod() / 8.0;
-    const auto block = static_cast<std::size_t>(8 * kinds * CellLayout::lanes);
-    for_all(weights.size() / block, [&](std::size_t b) {
-      for (int q = 0; q < 8; ++q)
-        for (int lane = 0; lane < CellLayout::lanes; ++lane) {
-          float& first = weights[b * block + static_cast<std::size_t>(q) * CellLayout::lanes + lane];
-          float& second = kinds == 2 ? (&first)[8 * CellLayout::lanes] : first;
-          if (first == 0.0F) continue;
-          const double one = first, other = kinds == 2 ? second : 0.0;
-          const auto exact = before_rounding(exact_, one / volume, other / volume);
-          first = static_cast<float>(exact[0] * volume - one);
-          if (kinds == 2) second = static_cast<float>(exact[1] * volume - other);
-        }
-    });
+    std::vector<PartStiffness> weights = grid_.parts.weights();
+    for (PartStiffness& one : weights) {
+      if (one.shear == 0.0F) continue;
+      const double shear = one.shear, across = one.across;
+      const auto exact = before_rounding(exact_, shear / volume, across / volume);
+      one = {static_cast<float>(exact[0] * volume - shear), static_cast<float>(exact[1] * volume - across)};
+    }
+    difference.parts.set_weights(std::move(weights));
     return difference;
   }
-  static std::vector<float>& weights_of(CellGrid& grid) { return grid.stiffness; }
-  static std::vector<float>& weights_of(ConductionGrid& grid) { return grid.conductivity; }
 };
 
 class ElasticOperator final : public GridOperator<CellGrid, 3> {
  public:
-  ElasticOperator(CellGrid grid, const std::array<bool, 3>& flat, const std::array<float, 2>& ratios,
-                  const ExactStiffness& exact)
-      : GridOperator(std::move(grid), flat, exact), ratios_(ratios) {}
+  using GridOperator::GridOperator;
   std::vector<float> bound() const override {
-    return grid_.bound(largest_eigenvalues(edges_or_endless(grid_.edges, flat_), ratios_[0], ratios_[1]));
+    return grid_.bound(largest_eigenvalues(edges_or_endless(grid_.edges, flat_), grid_.parts.ratios()));
   }
-
- private:
-  std::array<float, 2> ratios_;
 };
 
 class ConductionOperator final : public GridOperator<ConductionGrid, 1> {
@@ -172,14 +174,14 @@ class ConductionOperator final : public GridOperator<ConductionGrid, 1> {
 }  // namespace
 
 std::unique_ptr<CellOperator> elastic_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
-                                               const std::array<bool, 3>& flat, const Parts& parts,
-                                               const std::array<float, 2>& ratios, const ExactStiffness& exact) {
-  return std::make_unique<ElasticOperator>(CellGrid(cells, edges, parts.shear, parts.across), flat, ratios, exact);
+                                               const std::array<bool, 3>& flat, const PartLayers& layers,
+                                               const ExactStiffness& exact) {
+  return std::make_unique<ElasticOperator>(CellGrid(cells, edges, layers, exact.rounded), flat, exact);
 }
 std::unique_ptr<CellOperator> conduction_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
-                                                  const std::array<bool, 3>& flat, const std::vector<float>& parts,
+                                                  const std::array<bool, 3>& flat, const PartLayers& layers,
                                                   const ExactStiffness& exact) {
-  return std::make_unique<ConductionOperator>(ConductionGrid(cells, edges, parts), flat, exact);
+  return std::make_unique<ConductionOperator>(ConductionGrid(cells, edges, layers, exact.rounded), flat, exact);
 }
 
 }  // namespace efree::internal

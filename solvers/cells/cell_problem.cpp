@@ -21,28 +21,33 @@ namespace {
 
 using Triple = std::array<Index, 3>;
 
-std::vector<HeldSide> held_sides(const std::vector<DisplacementCondition<3>>& conditions, const Mat<3>& axes,
-                                 const SideNames& names) {
-  std::vector<HeldSide> held;
-  for (const auto& condition : conditions) {
-    if (condition.stiffness) throw InputError("on cells there are no elastic supports");
-    const Side side = side_named(condition.on, names);
-    for (int c = 0; c < 3; ++c)
-      if (condition.components[c]) {
-        const Vec<3> direction = axes.row(c).transpose();
-        held.push_back({condition.on, side, direction, direction == Vec<3>::Unit(c) ? c : -1, condition.components[c]});
-      }
-    if (condition.normal)
-      held.push_back(
-          {condition.on, side, Vec<3>::Unit(side.axis), side.axis,
-           [value = condition.normal, sign = side.upper ? 1.0 : -1.0](const Vec<3>& x) { return sign * value(x); }});
+/// The facets of all parts that conditions and loads are on, and of the sides of the frame. Throws InputError for a
+/// part that is none, or has no facets.
+VoxelParts facets_by_part(const LabelImage<3>& image, const std::vector<Restraint<3>>& restraints,
+                          const std::vector<Loads<3>>& cases, const VoxelParts& given) {
+  const ImageBoundary boundary(image);
+  VoxelParts parts;
+  for (const std::string& side : side_names()) parts[side] = boundary.named(side);
+  const auto add = [&](const std::string& name) {
+    const auto found = given.find(name);
+    const auto& facets = parts.try_emplace(name, found == given.end() ? boundary.named(name) : found->second).first;
+    if (facets->second.empty()) throw InputError(fmt::format("the image has no material on \"{}\"", name));
+  };
+  for (const auto& restraint : restraints) add(restraint.on);
+  for (const Loads<3>& loads : cases) {
+    if (!loads.followers.empty())
+      throw InputError(fmt::format("the pressure on \"{}\" follows the body, which cells take to be at rest",
+                                   loads.followers.front().on));
+    for (const auto& load : loads.tractions) add(load.on);
+    for (const auto& load : loads.resultants) add(load.on);
   }
-  return held;
+  return parts;
 }
 
 /// Cells of the grids, from fine to coarse: edges of at most `size` on the finest, 6 to 12 cells along each axis on the
-/// last, or as many as keep it small; each axis is halved at least twice, as three grids tell the error.
-std::vector<Triple> grid_cells(const Vec<3>& lengths, double size) {
+/// last, or as many as keep it small; each axis is halved at least twice, as three grids tell the error. Throws
+/// InputError if there is less `memory` [bytes to a point] than they take.
+std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory) {
   constexpr double few = 2500.0;  // points, which are solved directly
   Triple n;
   std::array<int, 3> halvings;
@@ -54,7 +59,7 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size) {
     points *= whole + 1.0 + (d == 0 ? 1.5 * CellGrid::lanes : 0.0);
     n[d] = static_cast<Index>(std::min(whole, 1e9));
   }
-  require_memory(cell_memory * points, fmt::format("a grid of {} x {} x {} cells", n[0], n[1], n[2]),
+  require_memory(memory * points, fmt::format("a grid of {} x {} x {} cells", n[0], n[1], n[2]),
                  "use larger cells (mesh_size)");
   std::vector<Triple> cells{n};
   const auto size_of = [](const Triple& c) { return (c[0] + 1.0) * (c[1] + 1.0) * (c[2] + 1.0); };
@@ -71,91 +76,8 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size) {
   return cells;
 }
 
-/// Nodes of a side that material reaches, from its parts in the side's rectangles.
-std::vector<char> reached_nodes(const CellProblem& problem, const Side& side, const std::vector<float>& parts) {
-  const Index a = problem.grid.cells[side.first()], b = problem.grid.cells[side.second()];
-  std::vector<char> reached(static_cast<std::size_t>(a + 1) * (b + 1), 0);
-  for (Index j = 0; j < 2 * b; ++j)
-    for (Index i = 0; i < 2 * a; ++i)
-      if (parts[i + static_cast<std::size_t>(2 * a) * j] > 0.0F)
-        for (int c = 0; c < 4; ++c) reached[i / 2 + (c & 1) + static_cast<std::size_t>(a + 1) * (j / 2 + (c >> 1))] = 1;
-  return reached;
-}
+}  // namespace
 
-[[noreturn]] void throw_contradiction(const std::string& one, const std::string& other, const Vec<3>& at) {
-  throw InputError(fmt::format("displacements prescribed on \"{}\" and \"{}\" contradict each other at {}", one, other,
-                               text_of(at)));
-}
-
-double value_at(const HeldSide& held, const Vec<3>& x) {
-  const double value = held.value(x);
-  if (!std::isfinite(value))
-    throw InputError(fmt::format("the displacement prescribed on \"{}\" is {} at {}, expected a finite number", held.on,
-                                 value, text_of(x)));
-  return value;
-}
-
-/// Finds the nodes that some condition holds in a direction that is no axis of the image, and what all conditions
-/// together ask of them. Throws InputError if these contradict each other.
-void hold_obliquely(CellProblem& problem) {
-  const std::vector<HeldSide>& held = *problem.held;
-  std::map<std::size_t, std::pair<Triple, std::vector<const HeldSide*>>> conditions;
-  for (std::size_t h = 0; h < held.size(); ++h)
-    if (held[h].component < 0)
-      problem.for_held(h, [&](const Triple& node) {
-        conditions[problem.grid.node(node[0], node[1], node[2])] = {node, {}};
-      });
-  if (conditions.empty()) return;
-  for (std::size_t h = 0; h < held.size(); ++h)
-    problem.for_held(h, [&](const Triple& node) {
-      const auto found = conditions.find(problem.grid.node(node[0], node[1], node[2]));
-      if (found != conditions.end()) found->second.second.push_back(&held[h]);
-    });
-  for (const auto& [node, of] : conditions) {
-    const auto& [place, all] = of;
-    const Vec<3> x = problem.place(place);
-    ObliqueNode at{node, Mat<3>::Identity(), Vec<3>::Zero()};
-    for (const HeldSide* condition : all) {
-      const double value = value_at(*condition, x);
-      const Vec<3> rest = at.free * condition->direction;
-      const double missing = value - at.value.dot(condition->direction), size = rest.norm();
-      if (size < 1e-6) {
-        if (std::abs(missing) > 1e-9 * std::max(std::abs(value), at.value.norm()))
-          throw_contradiction(all.front()->on, condition->on, x);
-        continue;
-      }
-      at.value += missing / (size * size) * rest;
-      at.free -= rest * rest.transpose() / (size * size);
-    }
-    problem.oblique.push_back(at);
-    std::array<float, 3> inverse;
-    for (int c = 0; c < 3; ++c) inverse[c] = problem.inverse_diagonal[c * problem.grid.nodes() + node];
-    for (int c = 0; c < 3; ++c)
-      problem.inverse_diagonal[c * problem.grid.nodes() + node] = *std::ranges::min_element(inverse);
-  }
-}
-
-/// Throws InputError if two sides ask for different displacements of a node they share, along an axis of the image.
-void require_agreement(const CellProblem& problem) {
-  const std::vector<HeldSide>& held = *problem.held;
-  for (std::size_t a = 0; a < held.size(); ++a)
-    for (std::size_t b = 0; b < a; ++b) {
-      if (held[a].component != held[b].component || held[a].component < 0) continue;
-      const Side& side = held[b].side;
-      if (side.axis == held[a].side.axis && side.upper != held[a].side.upper) continue;
-      const Index there = side.upper ? problem.grid.cells[side.axis] : 0;
-      problem.for_held(a, [&](const Triple& node) {
-        if (node[side.axis] != there) return;
-        const Vec<3> x = problem.place(node);
-        const double one = held[a].value(x), other = held[b].value(x);
-        if (std::abs(one - other) > 1e-9 * std::max(std::abs(one), std::abs(other)))
-          throw_contradiction(held[b].on, held[a].on, x);
-      });
-    }
-}
-
-/// Throws InputError naming the place of a body that is loaded, but not held against the motion its loads ask for, and
-/// of the largest one if it has to be `held` but may move. Bodies are cells with a point in common.
 void require_held(const CellProblem& problem, bool largest_is_held) {
   Index most_cells = 0;
   std::optional<Vec<3>> free;  // place of the largest body, if that may move
@@ -171,7 +93,7 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
   };
   std::vector<char> waiting(static_cast<std::size_t>(n[0]) * n[1] * n[2]), seen(grid.nodes(), 0);
   for_cells({0, 0, 0}, n, [&](Index i, Index j, Index k) {
-    for (int q = 0; q < 8; ++q) waiting[index(i, j, k)] |= grid.weight(i, j, k, q) > 0.0F;
+    for (int q = 0; q < 8; ++q) waiting[index(i, j, k)] |= grid.moduli(i, j, k, q).shear > 0.0F;
   });
   using Motion = Eigen::Matrix<double, 6, 1>;  // translations and rotations
   const std::size_t cases = problem.loads.size();
@@ -206,6 +128,11 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
           return motion;
         };
         const ObliqueNode* at = problem.find_oblique(node);
+        if (const Mat<3> spring = problem.springs.stiffness_at(node); !spring.isZero(0.0)) {
+          Eigen::Matrix<double, 6, 3> motions;
+          for (int c = 0; c < 3; ++c) motions.col(c) = motion_in(Vec<3>::Unit(c));
+          held += motions * spring / spring.trace() * motions.transpose();
+        }
         for (int c = 0; c < 3; ++c) {
           const std::size_t dof = c * grid.nodes() + node;
           const Vec<3> axis = Vec<3>::Unit(c);
@@ -247,19 +174,6 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
         "underconstrained: the body at {} is free to move; prescribe displacements that hold it", text_of(*free)));
 }
 
-}  // namespace
-
-void CellProblem::set_held(Field& u) const {
-  for (std::size_t condition = 0; condition < held->size(); ++condition) {
-    const HeldSide& h = (*held)[condition];
-    if (h.component < 0) continue;
-    for_held(condition, [&](const Triple& node) { u[dof(h.component, node)] = value_at(h, place(node)); });
-  }
-  project(u);
-  for (const ObliqueNode& at : oblique)
-    for (int c = 0; c < 3; ++c) u[c * grid.nodes() + at.node] += at.value[c];
-}
-
 Index CellProblem::num_cells() const {
   std::vector<Index> of_layer(grid.cells[2], 0);
   parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
@@ -267,12 +181,60 @@ Index CellProblem::num_cells() const {
       for (Index j = 0; j < grid.cells[1]; ++j)
         for (Index i = 0; i < grid.cells[0]; ++i) {
           bool some = false;
-          for (int q = 0; q < 8; ++q) some = some || grid.weight(i, j, k, q) > 0.0F;
+          for (int q = 0; q < 8; ++q) some = some || grid.moduli(i, j, k, q).shear > 0.0F;
           of_layer[k] += some;
         }
   });
   return std::accumulate(of_layer.begin(), of_layer.end(), Index(0));
 }
+
+namespace {
+
+/// How much of each part of the finest grid is material: noted while stiffnesses are found, if these tell it.
+class SolidParts {
+ public:
+  SolidParts(const LabelImage<3>& image, const LabelStiffness& stiffness, const PartsOfImage& of_image,
+             const Triple& cells)
+      : of_image_(of_image), layer_(8 * static_cast<std::size_t>(cells[0]) * cells[1]) {
+    if (of_image.solid_over_shear())
+      parts_.resize(layer_ * cells[2]);
+    else
+      parts_ = box_averages(image, stiffness.solid, {2 * cells[0], 2 * cells[1], 2 * cells[2]});
+  }
+  /// Stiffnesses of the layers [begin, end) of cells.
+  Parts layers(Index begin, Index end) {
+    Parts parts = of_image_.layers(begin, end);
+    if (const auto ratio = of_image_.solid_over_shear())
+      for_all(parts.shear.size(), [&](std::size_t i) { parts_[layer_ * begin + i] = *ratio * parts.shear[i]; });
+    return parts;
+  }
+  /// By part, once all layers have been asked for.
+  std::vector<float> take() && { return std::move(parts_); }
+
+ private:
+  const PartsOfImage& of_image_;
+  std::size_t layer_;
+  std::vector<float> parts_;
+};
+
+/// Sets the loads of all cases. Returns what they are, by case.
+std::vector<std::vector<AppliedLoad<3>>> set_loads(CellProblem& problem, const std::vector<Loads<3>>& cases,
+                                                   const PartPatches& patches, const std::vector<LabelShare>& shares,
+                                                   double unit) {
+  std::vector<std::vector<AppliedLoad<3>>> applied(cases.size());
+  const bool pull = problem.springs.pull();
+  for (std::size_t c = 0; c < cases.size(); ++c) {
+    Field& load = problem.loads.emplace_back();
+    if (!acts(cases[c]) && !pull) continue;
+    load = zeros<double>(problem.grid.size());
+    applied[c] = add_loads(problem, cases[c], patches, shares, load);
+    for_all(load.size(), [&](std::size_t i) { load[i] /= unit; });
+    problem.springs.add_pull(load.data());
+  }
+  return applied;
+}
+
+}  // namespace
 
 CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                 const std::vector<DisplacementCondition<3>>& conditions,
@@ -282,79 +244,80 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<Triple> cells =
-      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff());
-  LabelStiffness stiffness(image, materials);
+      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(),
+                 cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts)));
+  const LabelStiffness stiffness(image, materials);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
-  CellProblems problems{held_sides(conditions, image.axes, options.sides),
+  CellProblems problems{restraints(conditions),
                         {},
                         stiffness.unit * unit_length,
                         std::vector<std::vector<AppliedLoad<3>>>(cases.size()),
                         {}};
+  const VoxelParts facets = facets_by_part(image, problems.restraints, cases, options.parts);
+  PartPatches patches;
   std::vector<LabelShare> shares;
   if (std::ranges::any_of(cases, &Loads<3>::inside)) shares = label_shares(image, cells[0]);
-  Parts parts = parts_of(image, stiffness, cells[0], 0.0);
-  if (!stiffness.varying.empty()) stiffness.widen_ratios(parts);
+  const PartsOfImage of_image(image, stiffness, cells[0], 0.0);
+  std::optional<SolidParts> solid(std::in_place, image, stiffness, of_image, cells[0]);
   CellEigenvalues eigenvalues{};
+  std::array<float, 2> ratios{};
+  Dilatation dilatation = Dilatation::local;
   for (std::size_t l = 0; l < cells.size(); ++l) {
     const Triple& n = cells[l];
+    const Vec<3> edges = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
     std::array<int, 3> ratio{1, 1, 1};
+    PartLayers layers = [&](Index begin, Index end) { return solid->layers(begin, end); };
     if (l > 0) {
       for (int d = 0; d < 3; ++d) ratio[d] = cells[l - 1][d] / n[d];
-      parts = {halved(parts.shear, cells[l - 1], ratio), halved(parts.across, cells[l - 1], ratio)};
+      const CellGrid& finer = problems.grids.back()->grid;
+      layers = halved([&](Index begin, Index end) { return finer.layers(begin, end); }, cells[l - 1], ratio);
     }
-    const Vec<3> edges = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
+    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact());
+    if (l == 0) {
+      ratios = grid.parts.ratios();
+      dilatation = grid.needed();
+    }
     if (l == 0 || ratio[0] != ratio[1] || ratio[1] != ratio[2])
-      eigenvalues = largest_eigenvalues(edges / unit_length, stiffness.least_ratio, stiffness.most_ratio);
+      eigenvalues = largest_eigenvalues(edges / unit_length, ratios);
     if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
-      const Parts less = parts_of(image, stiffness, n, -0.5);
-      problems.shrunk.emplace(n, edges / unit_length, less.shear, less.across);
+      const PartsOfImage less(image, stiffness, n, -0.5);
+      const PartLayers layers_of_less = [&](Index begin, Index end) { return less.layers(begin, end); };
+      problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact());
     }
-    problems.grids.push_back(
-        std::make_unique<CellProblem>(CellProblem{CellGrid(n, edges / unit_length, parts.shear, parts.across),
-                                                  image.origin,
-                                                  edges,
-                                                  image.axes,
-                                                  ratio,
-                                                  &problems.held,
-                                                  {},
-                                                  {},
-                                                  {},
-                                                  {}}));
+    problems.grids.push_back(std::make_unique<CellProblem>(CellProblem{std::move(grid),
+                                                                       image.origin,
+                                                                       edges,
+                                                                       image.axes,
+                                                                       ratio,
+                                                                       dilatation,
+                                                                       &problems.restraints,
+                                                                       {},
+                                                                       {},
+                                                                       {},
+                                                                       {},
+                                                                       {}}));
     CellProblem& problem = *problems.grids.back();
-    std::array<std::vector<float>, 6> sides;  // material in their rectangles, of those that are asked for
-    const auto on_side = [&](const Side& side) -> const std::vector<float>& {
-      std::vector<float>& averages = sides[2 * side.axis + side.upper];
-      if (averages.empty())
-        averages = side_averages(image, stiffness.solid, {2 * n[0], 2 * n[1], 2 * n[2]}, side.axis, side.upper);
-      return averages;
-    };
-    for (const HeldSide& held : problems.held)
-      problem.reached.push_back(reached_nodes(problem, held.side, on_side(held.side)));
+    if (l == 0) {
+      const std::vector<float> parts = std::move(*solid).take();
+      for (const auto& [name, part] : facets) patches[name] = boundary_patches(image, part, parts, n);
+      solid.reset();
+    } else {
+      for (auto& [name, part] : patches) part = coarsened(part, ratio);
+    }
+    problem.springs = make_springs(problem, patches, problems.unit);
     problem.inverse_diagonal = problem.grid.bound(eigenvalues);
+    problem.springs.add_bound(problem.inverse_diagonal.data());
     for_all(problem.inverse_diagonal.size(), [&](std::size_t i) {
       float& d = problem.inverse_diagonal[i];
       d = d > 0.0F ? 1.0F / d : 0.0F;
     });
-    hold_obliquely(problem);
-    for (std::size_t condition = 0; condition < problems.held.size(); ++condition)
-      if (const int component = problems.held[condition].component; component >= 0)
-        problem.for_held(condition, [&](const Triple& node) {
-          if (problem.find_oblique(problem.grid.node(node[0], node[1], node[2])) == nullptr)
-            problem.inverse_diagonal[problem.dof(component, node)] = 0.0F;
-        });
+    hold_nodes(problem, patches, l == 0);
     if (l > 0)
       for (LabelShare& share : shares) share.part = halved(share.part, cells[l - 1], ratio);
-    for (std::size_t c = 0; c < cases.size(); ++c) {
-      Field& load = problem.loads.emplace_back();
-      if (!acts(cases[c])) continue;
-      load = zeros<double>(problem.grid.size());
-      auto applied = add_loads(problem, cases[c], options.sides, on_side, shares, load);
-      if (l == 0) problems.applied[c] = std::move(applied);
-      for_all(load.size(), [&](std::size_t i) { load[i] /= problems.unit; });
-    }
+    auto applied = set_loads(problem, cases, patches, shares, problems.unit);
     if (l > 0) continue;
-    require_agreement(problem);
+    problems.applied = std::move(applied);
     if (options.held || std::ranges::any_of(cases, acts)) require_held(problem, options.held);
   }
   return problems;

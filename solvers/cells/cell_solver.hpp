@@ -4,35 +4,33 @@
 
 #include "efree/assembly/loads.hpp"
 #include "efree/core/monitor.hpp"
-#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/input/image_boundary.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
 #include "efree/materials/material.hpp"
 #include "efree/solvers/algorithms/static_analysis.hpp"
 
-#include <map>
 #include <string>
 #include <vector>
 
 namespace efree {
 
-/// Whether a part of the boundary is a side of an image's frame: "left", "right" (x), "front", "back" (y), "bottom",
-/// "top" (z).
-bool is_side(const std::string& name);
-
 /// Whether a material is isotropic at X, as cells take it. Throws InputError for none.
 bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
 
-/// Memory that solve_on_cells takes [bytes to a point of the grid].
-inline constexpr double cell_memory = 320.0;
+/// Bulk over shear modulus up to which cells can be solved: that of nu = 0.499.
+inline constexpr double bearable_on_cells = 500.0;
+
+/// Memory that solve_on_cells takes [bytes to a point of the grid], and load_memory for each case that has loads.
+inline constexpr double cell_memory = 145.0, load_memory = 24.0;
 
 /// How fine and how exact a solution on cells is.
 struct CellOptions {
-  double size = 0.0;                           ///< wanted edge of a cell [length]; 0: two voxels
-  double tolerance = 5e-4;                     ///< of the iterations: relative error in the energy norm
-  int most = 200;                              ///< iterations on a grid after which it is given up
-  bool half_voxel = false;                     ///< also say what half a voxel changes
-  bool held = false;                           ///< refuse a problem whose largest body may move as a whole
-  std::map<std::string, std::string> sides{};  ///< other names that conditions and loads have for sides
+  double size = 0.0;        ///< wanted edge of a cell [length]; 0: two voxels
+  double tolerance = 5e-4;  ///< of the iterations: relative error in the energy norm
+  int most = 400;           ///< iterations on a grid after which it is given up
+  bool half_voxel = false;  ///< also say what half a voxel changes
+  bool held = false;        ///< refuse a problem whose largest body may move as a whole
+  VoxelParts parts{};       ///< parts of the boundary besides those that an ImageBoundary names
 };
 
 /// What was found on one grid.
@@ -41,14 +39,15 @@ struct CellLevel {
   Index cells = 0;  ///< that are not void
   int iterations = 0;
   double strain_energy = 0.0;    ///< [force * length]
-  double potential = 0.0;        ///< strain energy less the work of the loads
+  double support_energy = 0.0;   ///< of elastic supports [force * length]
+  double potential = 0.0;        ///< both energies less the work of the loads
   double iteration_error = 0.0;  ///< relative, in the energy norm: what the iterations left
   /// Of the three finest grids: what cells with several materials store too little under their tractions [force *
   /// length]: the compliance of layers that they lack.
   double interface_energy = 0.0;
-  /// By side on which something is prescribed: the force and moment by which that holds the body. Where sides meet each
-  /// has a like share of what both prescribe; what iterations leave out of balance goes to the sides that hold its
-  /// direction, so that reactions balance the loads to rounding.
+  /// By part on which something is prescribed: the force and moment by which that holds the body, of elastic supports
+  /// that of the springs. Where parts meet each has a like share of what both prescribe; what iterations leave out of
+  /// balance goes to the parts that hold its direction, so that reactions balance the loads to rounding.
   Resultants<3> reactions{};
   /// Of the second and third grid: 3 x points, as CellSolution::displacement.
   Points<3> displacement{};
@@ -73,6 +72,9 @@ struct CellSolution {
   /// compliance that interfaces lack.
   double extrapolated_energy = 0.0;
 
+  /// Whether pressures are those of the mean dilatation in each cell, as for nu > 0.4: local ones are not to be used.
+  bool mean_dilatation = false;
+
   /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
   /// voxel further in.
   double half_voxel = 0.0;
@@ -86,15 +88,20 @@ struct CellSolution {
 /// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
 ///
 /// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of each
-/// octant (of more than two voxels a side: at points two voxels apart, and their mean). Conditions and loads are on the
-/// sides of the frame: "left", "right" (x), "front", "back" (y), "bottom", "top" (z); displacements are set at the
-/// grid's points. All vectors are in the world's axes, along which the image need not be. Bodies that nothing holds and
-/// nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
+/// octant (of more than two voxels a side: at points two voxels apart, and their mean). Where nu > 0.4 somewhere,
+/// pressures are of the mean dilatation of each cell (Malkus & Hughes 1978); iterations grow as the square root of bulk
+/// over shear modulus. Conditions and loads are on
+/// faces of voxels that bound the material: the sides of the frame, "pores", or CellOptions::parts. Displacements are
+/// set at the grid's points within half a cell of a part; springs and tractions act at the faces, with the area of the
+/// smooth surface that these are the steps of (surface_area), pressures on the faces themselves. Tractions are
+/// taken to be linear in the normal, whose length they may get is not 1. All vectors are in the world's axes, along
+/// which the image need not be. Bodies that nothing holds and nothing loads do not count. Bitwise the same on any
+/// number of threads; memory: cell_memory.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
-/// or with one that is not isotropic, conditions elsewhere than on sides, mass forces without a density for
-/// every label (Loads::density, by label), a body that is loaded but not held, or too little memory; NumericalError if
-/// the iterations break down or do not end.
+/// or with one that is not isotropic, parts of the boundary that are none or empty, displacements that contradict each
+/// other, pressures that follow the body, mass forces without a density for every label (Loads::density, by label), a
+/// body that is loaded but not held, or too little memory; NumericalError if the iterations break down or do not end.
 ///
 /// One solution for each load case, with one hierarchy of grids.
 std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,

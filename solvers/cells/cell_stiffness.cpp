@@ -2,7 +2,6 @@
 #include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
 #include "efree/solvers/cells/internal/grid_fields.hpp"
 
@@ -65,12 +64,17 @@ Vec<3> first_place(const LabelImage<3>& image, Label label) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
-/// Adds what a material that differs from place to place has in each part.
-void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
-                 const std::array<Index, 3>& boxes, double grown, Parts& parts) {
+/// Averages of one label's part.
+BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes, double grown) {
   std::vector<float> one(label + 1, 0.0F);
   one[label] = 1.0F;
-  const std::vector<float> share = box_averages(image, one, boxes, grown);
+  return {image, one, boxes, grown};
+}
+
+/// Adds what a material that differs from place to place has in each part of layers of boxes, the first of which is
+/// `layer`; `share` is how much of it there is.
+void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
+                 const std::array<Index, 3>& boxes, Index layer, const std::vector<float>& share, Parts& parts) {
   Vec<3> edges;
   std::array<Index, 3> samples;  // along each axis of a part
   for (int d = 0; d < 3; ++d) {
@@ -78,7 +82,8 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
     samples[d] = std::max(1, static_cast<int>(std::ceil(edges[d] / (2.0 * image.spacing[d]) - 1e-9)));
   }
   const Index of_part = samples[0] * samples[1] * samples[2];
-  parallel_chunks(boxes[1] * boxes[2], 16, [&](Index begin, Index end) {
+  const auto rows = static_cast<Index>(share.size() / boxes[0]);
+  parallel_chunks(rows, 16, [&](Index begin, Index end) {
     for (Index row = begin; row < end; ++row) {
       const std::size_t first = static_cast<std::size_t>(row) * boxes[0];
       std::vector<Index> there;
@@ -89,7 +94,7 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
       Index p = 0;
       for (const Index i : there)
         for (Index s = 0; s < of_part; ++s, ++p) {
-          const std::array<Index, 3> part{i, row % boxes[1], row / boxes[1]},
+          const std::array<Index, 3> part{i, row % boxes[1], layer + row / boxes[1]},
               sample{s % samples[0], s / samples[0] % samples[1], s / samples[0] / samples[1]};
           for (int d = 0; d < 3; ++d) X(d, p) = image.origin[d] + edges[d] * (part[d] + (sample[d] + 0.5) / samples[d]);
           X.col(p) = image.in_world(X.col(p));
@@ -148,34 +153,116 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
     exact_across[l] = C[l](0, 1) / unit;
     shear[l] = static_cast<float>(exact_shear[l]);
     across[l] = static_cast<float>(exact_across[l]);
-    const auto ratio = static_cast<float>(C[l](0, 1) / C[l](5, 5));
-    least_ratio = std::min(least_ratio, ratio);
-    most_ratio = std::max(most_ratio, ratio);
   }
 }
 
-void LabelStiffness::widen_ratios(const Parts& parts) {
-  for (std::size_t i = 0; i < parts.shear.size(); ++i) {
-    if (!(parts.shear[i] > 0.0F)) continue;
-    const float ratio = parts.across[i] / parts.shear[i];
-    least_ratio = std::min(least_ratio, ratio);
-    most_ratio = std::max(most_ratio, ratio);
-  }
-}
-
-Parts parts_of(const LabelImage<3>& image, const LabelStiffness& stiffness, const std::array<Index, 3>& cells,
-               double grown) {
-  const std::array<Index, 3> boxes{2 * cells[0], 2 * cells[1], 2 * cells[2]};
-  Parts parts{box_averages(image, stiffness.shear, boxes, grown), {}};
-  if (const auto ratio = common_ratio(stiffness.across, stiffness.shear)) {
-    parts.across.resize(parts.shear.size());
-    for_all(parts.shear.size(), [&](std::size_t i) { parts.across[i] = *ratio * parts.shear[i]; });
-  } else {
-    parts.across = box_averages(image, stiffness.across, boxes, grown);
-  }
+PartsOfImage::PartsOfImage(const LabelImage<3>& image, const LabelStiffness& stiffness,
+                           const std::array<Index, 3>& cells, double grown)
+    : image_(image),
+      stiffness_(stiffness),
+      boxes_{2 * cells[0], 2 * cells[1], 2 * cells[2]},
+      shear_(image, stiffness.shear, boxes_, grown),
+      ratio_(common_ratio(stiffness.across, stiffness.shear)) {
+  if (!ratio_) across_.emplace(image, stiffness.across, boxes_, grown);
   for (const auto& [label, material] : stiffness.varying)
-    add_varying(image, label, *material, stiffness.unit, boxes, grown, parts);
+    of_varying_.push_back(part_of_label(image, label, boxes_, grown));
+  if (stiffness.varying.empty()) solid_over_shear_ = common_ratio(stiffness.solid, stiffness.shear);
+  for (std::size_t l = 0; l < stiffness.shear.size(); ++l)
+    if (stiffness.shear[l] > 0.0F)
+      exact_.push_back({stiffness.shear[l], ratio_ ? *ratio_ * stiffness.shear[l] : stiffness.across[l]});
+}
+
+Parts PartsOfImage::layers(Index begin, Index end) const {
+  Parts parts{shear_.layers(2 * begin, 2 * end), {}};
+  if (across_) {
+    parts.across = across_->layers(2 * begin, 2 * end);
+  } else {
+    parts.across.resize(parts.shear.size());
+    for_all(parts.shear.size(), [&](std::size_t i) { parts.across[i] = *ratio_ * parts.shear[i]; });
+  }
+  for (std::size_t v = 0; v < of_varying_.size(); ++v) {
+    const auto& [label, material] = stiffness_.varying[v];
+    add_varying(image_, label, *material, stiffness_.unit, boxes_, 2 * begin, of_varying_[v].layers(2 * begin, 2 * end),
+                parts);
+  }
   return parts;
+}
+
+namespace {
+
+/// Spreads a little of the stiffness of cells with up to three parts of material over all of their parts.
+void spread(Parts& parts, const std::array<Index, 3>& cells) {
+  constexpr float spread = 1.0F / 30.0F, nothing = 0.02F;
+  constexpr int few = 3;
+  const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
+  parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k)
+      for (Index j = 0; j < cells[1]; ++j)
+        for (Index i = 0; i < cells[0]; ++i) {
+          const std::size_t first = 2 * static_cast<std::size_t>(i) + along * 2 * j + plane * 2 * k;
+          const auto part = [&](int q) { return first + (q & 1) + along * (q >> 1 & 1) + plane * (q >> 2); };
+          float most = 0.0F;
+          for (int q = 0; q < 8; ++q) most = std::max(most, parts.shear[part(q)]);
+          if (most == 0.0F) continue;
+          int with_material = 0;
+          for (int q = 0; q < 8; ++q) with_material += parts.shear[part(q)] > nothing * most;
+          if (with_material > few) continue;
+          for (auto* values : {&parts.shear, &parts.across}) {
+            float mean = 0.0F;
+            for (int q = 0; q < 8; ++q) mean += 0.125F * (*values)[part(q)];
+            for (int q = 0; q < 8; ++q) (*values)[part(q)] += spread * (mean - (*values)[part(q)]);
+          }
+        }
+  });
+}
+
+/// What stabilised says, of parts of so many cells.
+Parts stabilise(Parts parts, const std::array<Index, 3>& cells) {
+  spread(parts, cells);
+  constexpr float moved = 1.0F / 30.0F, nothing = 0.02F;
+  const std::array<std::size_t, 3> size{2 * static_cast<std::size_t>(cells[0]), 2 * static_cast<std::size_t>(cells[1]),
+                                        2 * static_cast<std::size_t>(cells[2])},
+      stride{1, size[0], size[0] * size[1]};
+  for (int axis = 0; axis < 3; ++axis) {
+    const int first = axis == 0 ? 1 : 0, second = axis == 2 ? 1 : 2;
+    // Lines of parts along the axis; a part looks at those beside it, of which one is in its cell and is written.
+    parallel_chunks(static_cast<Index>(size[second]), 4, [&](Index begin, Index end) {
+      for (Index b = begin; b < end; ++b)
+        for (std::size_t a = 0; a < size[first]; ++a) {
+          const std::size_t line = a * stride[first] + static_cast<std::size_t>(b) * stride[second];
+          float before = 0.0F;  // the part before the cell, as it was
+          for (std::size_t k = 0; k < size[axis]; k += 2) {
+            const std::size_t low = line + k * stride[axis], high = low + stride[axis];
+            const float after = k + 2 < size[axis] ? parts.shear[high + stride[axis]] : 0.0F, of_low = parts.shear[low],
+                        of_high = parts.shear[high];
+            const auto move = [&](std::size_t from, std::size_t to) {
+              for (auto* values : {&parts.shear, &parts.across}) {
+                const float part = moved * (*values)[from];
+                (*values)[from] -= part;
+                (*values)[to] += part;
+              }
+            };
+            if (of_high <= nothing * of_low && before <= nothing * of_low && of_low > 0.0F)
+              move(low, high);
+            else if (of_low <= nothing * of_high && after <= nothing * of_high && of_high > 0.0F)
+              move(high, low);
+            before = of_high;
+          }
+        }
+    });
+  }
+  return parts;
+}
+
+}  // namespace
+
+PartLayers stabilised(PartLayers layers, const std::array<Index, 3>& cells) {
+  return [layers = std::move(layers), cells](Index begin, Index end) {
+    // With the layers beside them, at which it looks.
+    const Index first = std::max(begin - 1, 0), last = std::min(end + 1, cells[2]);
+    const std::array<Index, 3> slab{cells[0], cells[1], last - first};
+    return layers_of(stabilise(layers(first, last), slab), slab)(begin - first, end - first);
+  };
 }
 
 }  // namespace internal

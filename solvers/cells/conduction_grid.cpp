@@ -11,69 +11,43 @@ namespace {
 
 using namespace kernels;
 
-/// f += K u for the layers [begin, end) of cells.
+/// f += K u for the cells from (i, j, k) on.
 struct Conductive {
-  template <class T, class V> [[gnu::always_inline]] static inline void layers(const ConductionGrid& grid,
-                                                                               const T* const* u, T* const* f,
-                                                                               int count, Index begin, Index end) {
+  template <class T, class V> [[gnu::always_inline]] static inline void cells(const ConductionGrid& grid, const T* u,
+                                                                              T* f, Index i, Index j, Index k) {
+    constexpr int at_once = sizeof(V) / sizeof(T);
     const T inverse_edges[3] = {T(grid.inverse_edges[0]), T(grid.inverse_edges[1]), T(grid.inverse_edges[2])};
-    for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < grid.cells[1]; ++j)
-        for (int r = 0; r < count; ++r)  // what a row weighs stays in the cache
-          for (Index i = 0; i < grid.row; i += W) {
-            const std::size_t block = grid.block(i, j, k);
-            if (grid.empty[block]) continue;
-            const float* weights = grid.conductivity.data() + block * 8 * W;
-            V weight[8], by_x[4], by_y[4], by_z[4];
-            for (int q = 0; q < 8; ++q) load_weights(weights + q * W, weight[q]);
-            for (int p = 0; p < 4; ++p) {  // slopes along an axis are the same at two points
-              by_x[p] = weight[2 * p] + weight[2 * p + 1];
-              const int y = (p & 1) + (p >> 1 << 2);
-              by_y[p] = weight[y] + weight[y + 2];
-              by_z[p] = weight[p] + weight[p + 4];
-            }
-            std::size_t at[8];
-            for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
-            V corner[8];
-            for (int a = 0; a < 8; ++a) load(u[r] + at[a], corner[a]);
-            Slopes<V> g;
-            slopes_of(corner, inverse_edges, g);
-            for (int p = 0; p < 4; ++p) {
-              g.x[p] *= by_x[p];
-              g.y[p] *= by_y[p];
-              g.z[p] *= by_z[p];
-            }
-            from_slopes(g, inverse_edges, corner);
-            for (int a = 0; a < 8; ++a) add_to(f[r] + at[a], corner[a]);
-          }
+    CellParts::Weights<at_once / W> weights;
+    grid.parts.read(grid.block(i, j, k), weights);
+    V weight[8], by_x[4], by_y[4], by_z[4];
+    for (int q = 0; q < 8; ++q) load_weights(weights.shear + q * at_once, weight[q]);
+    for (int p = 0; p < 4; ++p) {  // slopes along an axis are the same at two points
+      by_x[p] = weight[2 * p] + weight[2 * p + 1];
+      const int y = (p & 1) + (p >> 1 << 2);
+      by_y[p] = weight[y] + weight[y + 2];
+      by_z[p] = weight[p] + weight[p + 4];
+    }
+    std::size_t at[8];
+    for (int a = 0; a < 8; ++a) at[a] = grid.node(i + (a & 1), j + (a >> 1 & 1), k + (a >> 2));
+    V corner[8];
+    for (int a = 0; a < 8; ++a) load(u + at[a], corner[a]);
+    Slopes<V> g;
+    slopes_of(corner, inverse_edges, g);
+    for (int p = 0; p < 4; ++p) {
+      g.x[p] *= by_x[p];
+      g.y[p] *= by_y[p];
+      g.z[p] *= by_z[p];
+    }
+    from_slopes(g, inverse_edges, corner);
+    for (int a = 0; a < 8; ++a) add_to(f + at[a], corner[a]);
   }
 };
 
 }  // namespace
 
-ConductionGrid::ConductionGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_,
-                               const std::vector<float>& parts)
-    : CellLayout(cells_, edges_) {
-  const std::size_t blocks = static_cast<std::size_t>(row / lanes) * cells[1] * cells[2];
-  conductivity.assign(blocks * 8 * lanes, 0.0F);
-  empty.assign(blocks, 1);
-  const auto volume = static_cast<float>(edges.prod() / 8.0);
-  const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
-  parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
-    for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < cells[1]; ++j)
-        for (Index i = 0; i < cells[0]; ++i) {
-          float* to = conductivity.data() + block(i, j, k) * 8 * lanes + i % lanes;
-          for (int q = 0; q < 8; ++q) {
-            const std::size_t part =
-                2 * static_cast<std::size_t>(i) + (q & 1) + along * (2 * j + (q >> 1 & 1)) + plane * (2 * k + (q >> 2));
-            if (parts[part] == 0.0F) continue;
-            to[q * lanes] = volume * parts[part];
-            empty[block(i, j, k)] = 0;
-          }
-        }
-  });
-}
+ConductionGrid::ConductionGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const PartLayers& layers,
+                               const std::vector<PartStiffness>& exact)
+    : CellLayout(cells_, edges_), parts(*this, layers, exact) {}
 
 void ConductionGrid::apply(const float* const* u, float* const* f, int count) const {
   product<Conductive, float, Floats>(*this, 1, u, f, count);
@@ -85,9 +59,13 @@ void ConductionGrid::apply(const double* const* u, double* const* f, int count) 
 CellEigenvalues largest_conduction_eigenvalues(const Vec<3>& edges) {
   CellEigenvalues result{};
   for (int set = 1; set < 256; ++set) {
-    std::vector<float> parts(8);
-    for (int q = 0; q < 8; ++q) parts[q] = set >> q & 1 ? 1.0F : 0.0F;
-    const ConductionGrid cell({1, 1, 1}, edges, parts);
+    if (const int like = mirrored(set); like < set) {
+      result[set] = result[like];
+      continue;
+    }
+    Parts parts{std::vector<float>(8), {}};
+    for (int q = 0; q < 8; ++q) parts.shear[q] = set >> q & 1 ? 1.0F : 0.0F;
+    const ConductionGrid cell({1, 1, 1}, edges, layers_of(parts, {1, 1, 1}));
     std::vector<double> u(cell.nodes(), 0.0), f(cell.nodes());
     const double* from = u.data();
     double* to = f.data();
@@ -122,10 +100,10 @@ std::vector<float> ConductionGrid::bound(const CellEigenvalues& eigenvalue) cons
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < cells[1]; ++j)
         for (Index i = 0; i < cells[0]; ++i) {
-          if (empty[block(i, j, k)]) continue;
+          if (parts.is_empty(block(i, j, k))) continue;
           std::array<float, 8> own, factor{};
           std::array<int, 8> order{0, 1, 2, 3, 4, 5, 6, 7};
-          for (int q = 0; q < 8; ++q) own[q] = weight(i, j, k, q);
+          for (int q = 0; q < 8; ++q) own[q] = parts.weight(block(i, j, k), i % lanes, q).shear;
           if (std::ranges::all_of(own, [&](float w) { return w == own[0]; })) {
             factor.fill(margin * eigenvalue[255]);
           } else {

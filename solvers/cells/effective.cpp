@@ -43,7 +43,7 @@ double cells_of(const CellCounts& cells) {
 }
 /// Memory to a node for so many loads at once [bytes].
 double memory_of_node(int components, int loads, int at_once) {
-  return 1.15 * (240.0 + 12.0 * components + 8.0 * components * loads + 40.0 * components * at_once);
+  return 1.15 * (192.0 + 12.0 * components + 8.0 * components * loads + 40.0 * components * at_once);
 }
 
 /// Cells of the finest grid.
@@ -512,13 +512,12 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
                voxel_averages(image, stiffness.across, {2 * n[0], 2 * n[1], 2 * n[2]})};
     else
       average_parts(image, n, options.frame,
-                    [&](const LabelImage<3>& of, const CellCounts& by) { parts = parts_of(of, stiffness, by, 0.0); },
+                    [&](const LabelImage<3>& of, const CellCounts& by) {
+                      parts = internal::PartsOfImage(of, stiffness, by, 0.0).layers(0, by[2]);
+                    },
                     {&parts.shear, &parts.across});
-    if (!stiffness.varying.empty()) stiffness.widen_ratios(parts);
-    const bool is_finest = before[0] == 0;
     before = n;
-    return internal::elastic_operator(n, edges, flat, parts, {stiffness.least_ratio, stiffness.most_ratio},
-                                      is_finest ? exact : ExactStiffness{});
+    return internal::elastic_operator(n, edges, flat, internal::layers_of(parts, n), exact);
   };
   return effective_tensor(image, {3, stiffness.unit, matrix}, options, cells, stage);
 }
@@ -551,23 +550,22 @@ EffectiveTensor effective_conductivity(const LabelImage<3>& image, const std::ve
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<CellCounts> cells = frame_cells(finest, lengths, options.frame);
-  std::vector<float> parts;
+  Parts parts;
   CellCounts before{};
   const auto matrix = [&](const CellCounts& n, const Vec<3>& edges, const std::array<bool, 3>& flat) {
     const auto ratio = before[0] > 0 ? halvings(before, n) : std::nullopt;
     if (ratio)
-      parts = internal::halved(parts, before, *ratio);
+      parts.shear = internal::halved(parts.shear, before, *ratio);
     else if (!options.smooth)
-      parts = voxel_averages(image, scaled, {2 * n[0], 2 * n[1], 2 * n[2]});
+      parts.shear = voxel_averages(image, scaled, {2 * n[0], 2 * n[1], 2 * n[2]});
     else
       average_parts(image, n, options.frame,
                     [&](const LabelImage<3>& of, const CellCounts& by) {
-                      parts = box_averages(of, scaled, {2 * by[0], 2 * by[1], 2 * by[2]});
+                      parts.shear = box_averages(of, scaled, {2 * by[0], 2 * by[1], 2 * by[2]});
                     },
-                    {&parts});
-    const bool is_finest = before[0] == 0;
+                    {&parts.shear});
     before = n;
-    return internal::conduction_operator(n, edges, flat, parts, is_finest ? exact : ExactStiffness{});
+    return internal::conduction_operator(n, edges, flat, internal::layers_of(parts, n), exact);
   };
   return effective_tensor(image, {1, unit, matrix}, options, cells, stage);
 }

@@ -71,9 +71,9 @@ template <class T> void FrameGrid::fold(T* f) const {
     }
 }
 
-template <class T> void FrameGrid::multiply(T* const* u, T* const* f, int count) const {
+template <class T> void FrameGrid::multiply(T* const* u, T* const* f, int count, Dilatation dilatation) const {
   for (int r = 0; r < count; ++r) spread(u[r]);
-  matrix->apply(u, f, count);
+  matrix->apply(u, f, count, dilatation);
   for (int r = 0; r < count; ++r) fold(f[r]);
 }
 
@@ -81,8 +81,8 @@ template void FrameGrid::spread(float*) const;
 template void FrameGrid::spread(double*) const;
 template void FrameGrid::fold(float*) const;
 template void FrameGrid::fold(double*) const;
-template void FrameGrid::multiply(float* const*, float* const*, int) const;
-template void FrameGrid::multiply(double* const*, double* const*, int) const;
+template void FrameGrid::multiply(float* const*, float* const*, int, Dilatation) const;
+template void FrameGrid::multiply(double* const*, double* const*, int, Dilatation) const;
 
 Transfer::Transfer(const FrameGrid& coarse, const FrameGrid& fine) : coarse_(&coarse), fine_(&fine) {
   for (int d = 0; d < 3; ++d) {
@@ -192,7 +192,7 @@ void FrameMultigrid::invert_coarsest() {
   for (Index column = 0; column < unknowns; ++column) {
     for_all(size, [&](std::size_t i) { u[i] = 0.0; });
     u[coarsest_dofs_[column]] = 1.0;
-    grid.multiply(&from, &to, 1);
+    grid.multiply(&from, &to, 1, Dilatation::local);
     for (Index row = 0; row < unknowns; ++row) K(row, column) = f[coarsest_dofs_[row]];
   }
   if (unknowns == 0) return;
@@ -203,23 +203,23 @@ void FrameMultigrid::invert_coarsest() {
   coarsest_inverse_ = scale.asDiagonal() * pseudo_inverse<Eigen::Dynamic>(scaled) * scale.asDiagonal();
 }
 
-void FrameMultigrid::multiply(std::size_t l, int count) {
+void FrameMultigrid::multiply(std::size_t l, int count, Dilatation dilatation) {
   std::vector<float*> u(count), f(count);
   for (int r = 0; r < count; ++r) {
     u[r] = work_[l][r].x.data();
     f[r] = work_[l][r].rest.data();
   }
-  grids_[l].multiply(u.data(), f.data(), count);
+  grids_[l].multiply(u.data(), f.data(), count, dilatation);
 }
 
 /// x += a polynomial of b - K x (chebyshev_steps).
-void FrameMultigrid::smooth(std::size_t l, int count, bool from_zero) {
+void FrameMultigrid::smooth(std::size_t l, int count, bool from_zero, Dilatation dilatation) {
   const float* inverse = grids_[l].inverse_diagonal.data();
   const auto steps = chebyshev_steps();
   for (std::size_t s = 0; s < steps.size(); ++s) {
     const float keep = steps[s].keep, take = steps[s].take;
     const bool zero = from_zero && s == 0;
-    if (!zero) multiply(l, count);
+    if (!zero) multiply(l, count, dilatation);
     for (int r = 0; r < count; ++r) {
       Work& w = work_[l][r];
       if (zero)
@@ -239,6 +239,9 @@ void FrameMultigrid::smooth(std::size_t l, int count, bool from_zero) {
 }
 
 void FrameMultigrid::cycle(std::size_t l, int count) {
+  cycle(l, count, grids_[l].matrix->dilatation());
+}
+void FrameMultigrid::cycle(std::size_t l, int count, Dilatation dilatation) {
   if (l + 1 == grids_.size()) {
     for (int r = 0; r < count; ++r) {
       Work& w = work_[l][r];
@@ -251,16 +254,16 @@ void FrameMultigrid::cycle(std::size_t l, int count) {
     return;
   }
   const float* inverse = grids_[l].inverse_diagonal.data();
-  smooth(l, count, true);
-  multiply(l, count);
+  smooth(l, count, true, dilatation);
+  multiply(l, count, dilatation);
   for (int r = 0; r < count; ++r) {
     Work& w = work_[l][r];
     for_all(w.b.size(), [&](std::size_t i) { w.rest[i] = inverse[i] > 0.0F ? w.b[i] - w.rest[i] : 0.0F; });
     transfers_[l].restrict_to_coarse(w.rest.data(), work_[l + 1][r].b.data());
   }
-  cycle(l + 1, count);
+  cycle(l + 1, count, Dilatation::local);
   for (int r = 0; r < count; ++r) transfers_[l].prolong(work_[l + 1][r].x.data(), work_[l][r].x.data());
-  smooth(l, count, false);
+  smooth(l, count, false, dilatation);
 }
 
 void FrameMultigrid::prolong(std::size_t l, Field& coarse, Field& fine) const {

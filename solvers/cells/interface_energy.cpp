@@ -195,6 +195,7 @@ class MixedCells {
 
 double interface_energy(const CellSolution& solution, const LabelImage<3>& image,
                         const std::vector<SharedMaterial>& materials) {
+  if (std::ranges::count_if(materials, [](const SharedMaterial& one) { return bool(one); }) < 2) return 0.0;
   return MixedCells(solution, image, materials).energy();
 }
 

@@ -5,6 +5,7 @@
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
 #include "efree/materials/linear_elastic.hpp"
+#include "efree/solvers/cells/cell_fields.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
 
 #include <gtest/gtest.h>
@@ -206,6 +207,22 @@ TEST(Cells, WallsAndSlitsAVoxelThickKeepTheirStiffness) {
   EXPECT_LT(open.finest().strain_energy, 0.7 * solid);
 }
 
+TEST(Cells, PlatesAVoxelThickBearLoadsWhereCellsAreTwoVoxels) {
+  const double E = 3.0, length = 23.0, load = 1e-3;
+  const auto image =
+      image_of({24, 8, 12}, [](const Vec<3>& x) -> Label { return x[0] < 1.0 || (x[2] > 6.0 && x[2] < 7.0); });
+  for (const double size : {2.0, 1.0}) {
+    const CellSolution solution =
+        solve_on_cells(image, {{}, LinearElastic(E, 0.0)}, {clamp<3>("left")},
+                       {.tractions = {{"right", [=](const Vec<3>&, const Vec<3>&) { return Vec<3>(0.0, 0.0, load); }}}},
+                       {.size = size});
+    const double deflection = load * std::pow(length, 3) / (3.0 * E / 12.0),
+                 found = displacement_at(solution, 0, {23.5, 4.0, 6.5}).z();
+    EXPECT_GT(found, 0.2 * deflection) << size;
+    EXPECT_LT(found, 1.3 * deflection) << size;
+  }
+}
+
 TEST(Cells, SlenderBarsAreRightOnEveryGridAndThinSheetsHaveFewCells) {
   const auto bar = image_of({2, 2, 400}, [](const Vec<3>&) -> Label { return 1; });
   const CellSolution solution =
@@ -376,4 +393,50 @@ TEST(Cells, RefuseWhatTheyCannotDo) {
                               {.tractions = {{"right", [](const Vec<3>&, const Vec<3>&) { return Vec<3>(0, 1, 0); }}},
                                .body_force = {}}),
                InputError);
+}
+
+/// Around a spherical hole without traction u = (A + B / r^3) x, with 3 K A = 4 G B / a^3 (G. Lame, 1852): prescribed
+/// on the frame, so that the hole takes up what volume is left.
+TEST(Cells, NearlyIncompressibleMaterialsDoNotLock) {
+  constexpr double radius = 10.0, half = 16.0, G = 1.0, A = 1e-3;
+  const auto image =
+      image_of({32, 32, 32}, [&](const Vec<3>& x) -> Label { return (x - Vec<3>::Constant(half)).norm() > radius; });
+  for (const double nu : {0.3, 0.49, 0.499}) {
+    const double K = 2.0 * G * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu)), B = 3.0 * K * A / (4.0 * G) * std::pow(radius, 3);
+    const auto from_centre = [&](const Vec<3>& x) { return Vec<3>(x - Vec<3>::Constant(half)); };
+    const auto u = [&](const Vec<3>& x) {
+      const Vec<3> arm = from_centre(x);
+      return Vec<3>((A + B / std::pow(arm.norm(), 3)) * arm);
+    };
+    const auto stress = [&](const Vec<3>& x) {
+      const Vec<3> arm = from_centre(x);
+      const double r = arm.norm();
+      return Mat<3>(3.0 * K * A * Mat<3>::Identity() +
+                    2.0 * G * B / std::pow(r, 3) * (Mat<3>::Identity() - 3.0 * arm * arm.transpose() / (r * r)));
+    };
+    double energy = 0.0;  // half the work on the frame, six times that on one side
+    constexpr int parts = 100;
+    const double edge = 2.0 * half / parts;
+    for (int i = 0; i < parts; ++i)
+      for (int j = 0; j < parts; ++j) {
+        const Vec<3> x((i + 0.5) * edge, (j + 0.5) * edge, 2.0 * half);
+        energy += 3.0 * edge * edge * u(x).dot(stress(x).col(2));
+      }
+    std::vector<DisplacementCondition<3>> conditions;
+    for (const std::string& side : all_sides) conditions.push_back(moved(side, u));
+    const std::vector<SharedMaterial> materials{{}, LinearElastic(2.0 * G * (1.0 + nu), nu)};
+    const CellSolution solution = solve_on_cells(image, materials, conditions, {}, {.size = 1.0});
+    EXPECT_EQ(solution.mean_dilatation, nu > 0.4);
+    EXPECT_NEAR(solution.finest().strain_energy, energy, 0.02 * energy) << nu;
+    EXPECT_NEAR(solution.extrapolated_energy, energy, 0.01 * energy) << nu;
+    EXPECT_LE(solution.finest().iterations, 10.0 + 7.0 * std::sqrt(K / G)) << nu;
+    // Stresses, whose pressure is 3 K A everywhere, away from steps of voxels.
+    const Vec<3> probe(half, half + 13.5, half + 1.5);
+    const CellFields fields = recover_cell_fields(solution, image, {-1, 0}, {materials[1]}, {probe});
+    const Voigt<3>& found = fields.probes[0].stress;
+    const Mat<3> exact = stress(probe);
+    EXPECT_NEAR(found.head<3>().mean(), 3.0 * K * A, 0.03 * exact.norm()) << nu;
+    EXPECT_NEAR(found[1], exact(1, 1), 0.04 * exact.norm()) << nu;
+    EXPECT_NEAR(found[3], exact(1, 2), 0.04 * exact.norm()) << nu;
+  }
 }

@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -162,6 +163,24 @@ TEST(EffectiveStiffness, OfSphericalPoresComesFromAboveAndIsJustBelowHashinAndSh
   EXPECT_NEAR(found.tensor(3, 3), 2.461, 0.005 * 2.461);
   EXPECT_LT(found.grid_error, 0.005);
   EXPECT_LT(found.asymmetry, 1e-6);
+}
+
+/// What is nearly incompressible gives way into its pores: by Hashin and Shtrikman (1963) K <= about 4 G (1 - f) / (3
+/// f), hundreds of times less than its own.
+TEST(EffectiveStiffness, OfPoresInNearlyIncompressibleMaterialIsFarFromItsBulkModulus) {
+  const LabelImage<3> image = ball_of(32, 0.15, 0, 1);
+  const double fraction = static_cast<double>(std::ranges::count(image.labels, Label{0})) / std::pow(32.0, 3);
+  for (const double nu : {0.49, 0.499}) {
+    const auto [lambda, G] = lame(1.0, nu);
+    const double K = lambda + 2.0 * G / 3.0,
+                 bound = K + fraction / (-1.0 / K + 3.0 * (1.0 - fraction) / (3.0 * K + 4.0 * G));
+    const EffectiveTensor found =
+        effective_stiffness(image, {SharedMaterial{}, SharedMaterial(LinearElastic(1.0, nu))}, {.size = 1.0});
+    const double effective = found.extrapolated.topLeftCorner<3, 3>().sum() / 9.0;
+    EXPECT_LT(effective, 1.015 * bound) << nu << ": the image's ball, 0.3 % at nu = 0.3 and 0.1 % of 48 voxels";
+    EXPECT_GT(effective, 0.93 * bound) << nu;
+    EXPECT_GT(smallest_eigenvalue(found.tensor), 0.0);
+  }
 }
 
 TEST(EffectiveStiffness, OfAGyroidIsCubicAndThatOfAFinerImage) {

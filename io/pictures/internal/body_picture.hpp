@@ -14,13 +14,12 @@ namespace efree::internal::drawing {
 /// A body with a value at every point.
 template <int Dim> struct BodyPicture {
   using Piece = std::conditional_t<Dim == 3, Triangle, Segment>;
-  Surface undeformed;                   ///< in space its skin
+  Surface undeformed;                   ///< in space its skin; edges are drawn unless it is of faces
   Points<3> displacement;               ///< of its points
   Vector values;                        ///< at its points, by colour
   std::vector<Piece> held{}, loaded{};  ///< pieces of the boundary
   std::vector<Segment> rim{};           ///< in the plane: the boundary
   bool true_to_scale = false;           ///< displacements are drawn as they are, unless they are small
-  bool has_creases = true;              ///< in space: edges that say something of the shape are drawn
 };
 
 /// Writes a PNG file, displacements drawn at a fifteenth of the body's size; `name` is what values beyond the scale are

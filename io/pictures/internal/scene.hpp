@@ -17,10 +17,17 @@ using Segment = std::array<Index, 2>;   ///< likewise
 
 constexpr double width = Canvas::width, height = Canvas::height;
 
+/// What triangles are of.
+enum class Skin {
+  smooth,  ///< a surface that may be open and face either way; normals between its creases are means
+  faces    ///< the closed skin of flat faces, whose normals point outwards: faces turned away are hidden
+};
+
 /// Triangles in space; in 2D all of the body, at z = 0.
 struct Surface {
   Points<3> points;
   std::vector<Triangle> triangles;
+  Skin skin = Skin::smooth;
 
   Vec3 normal(const Triangle& t) const {
     return (points.col(t[1]) - points.col(t[0])).cross(points.col(t[2]) - points.col(t[0]));
@@ -104,13 +111,20 @@ std::vector<Segment> shape_edges(const Surface& surface);
 void draw_lines(Canvas& canvas, const Projection& at, const Points<3>& points, const std::vector<Segment>& lines,
                 double line_width, const Colour& colour);
 
+/// Whether a triangle's normal points towards the viewer.
+inline bool faces_viewer(const std::array<Canvas::Position, 3>& corners) {
+  const Vec3 ab = corners[1] - corners[0], ac = corners[2] - corners[0];
+  return ab.x() * ac.y() > ab.y() * ac.x();
+}
+
 /// Triangles in one colour each, paint(i), unlit.
 template <class Paint>
 void draw_flat(Canvas& canvas, const Projection& at, const Surface& surface, const Paint& paint) {
   const Points<3> positions = at.all(surface.points);
   for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
     const auto& [a, b, c] = surface.triangles[i];
-    canvas.triangle({positions.col(a), positions.col(b), positions.col(c)}, paint(i));
+    const std::array<Canvas::Position, 3> corners{positions.col(a), positions.col(b), positions.col(c)};
+    if (surface.skin == Skin::smooth || faces_viewer(corners)) canvas.triangle(corners, paint(i));
   }
 }
 
@@ -118,16 +132,28 @@ void draw_flat(Canvas& canvas, const Projection& at, const Surface& surface, con
 template <class Paint> void draw_shaded(Canvas& canvas, const Projection& at, const Surface& surface,
                                         const Eigen::VectorXf& places, const Paint& paint) {
   const Points<3> positions = at.all(surface.points);
+  const auto for_triangles = [&](auto& corners, const auto& draw) {
+    for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
+      for (std::size_t k = 0; k < 3; ++k) corners[k].at = positions.col(surface.triangles[i][k]);
+      draw(i, surface.triangles[i]);
+    }
+  };
+  if (surface.skin == Skin::faces) {
+    std::array<Canvas::Corner<1>, 3> corners;
+    for_triangles(corners, [&](std::size_t i, const Triangle& t) {
+      if (!faces_viewer({corners[0].at, corners[1].at, corners[2].at})) return;
+      const Colour light = brightness(at.axes() * surface.normal(t).stableNormalized());
+      for (std::size_t k = 0; k < 3; ++k) corners[k].values << places[t[k]];
+      canvas.triangle<1>(corners, [&](const auto& v) { return Canvas::pixel(paint(i, v[0]) * light); });
+    });
+    return;
+  }
   const auto normals = corner_normals(surface);
   std::array<Canvas::Corner<4>, 3> corners;
-  for (std::size_t i = 0; i < surface.triangles.size(); ++i) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Index p = surface.triangles[i][k];
-      corners[k].at = positions.col(p);
-      corners[k].values << places[p], brightness(at.axes() * normals[i][k]);
-    }
+  for_triangles(corners, [&](std::size_t i, const Triangle& t) {
+    for (std::size_t k = 0; k < 3; ++k) corners[k].values << places[t[k]], brightness(at.axes() * normals[i][k]);
     canvas.triangle<4>(corners, [&](const auto& v) { return Canvas::pixel(paint(i, v[0]) * v.template tail<3>()); });
-  }
+  });
 }
 
 }  // namespace efree::internal::drawing

@@ -2,7 +2,7 @@
 /// Linear elasticity on a grid of boxes with trilinear displacements, without a matrix.
 #pragma once
 
-#include "efree/core/types.hpp"
+#include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
 #include <vector>
@@ -12,31 +12,16 @@ namespace efree::internal {
 /// By set of parts (bit q: part q = x + 2 y + 4 z): the largest eigenvalue of the stiffness of a cell with material in
 /// these parts, over its diagonal.
 using CellEigenvalues = std::array<float, 256>;
-/// For a ratio across / shear between two values. Cells of any size, but of these proportions.
-CellEigenvalues largest_eigenvalues(const Vec<3>& edges, float least, float most);
+/// The least of the sets that are mirror images of a set of parts, and have its eigenvalues.
+int mirrored(int set);
+/// For ratios across / shear between two values. Cells of any size, but of these proportions.
+CellEigenvalues largest_eigenvalues(const Vec<3>& edges, const std::array<float, 2>& ratios);
 
-/// A grid of boxes and its nodes, x fastest. Rows of nodes are padded so that `lanes` cells can be taken at once.
-struct CellLayout {
-  static constexpr int lanes = 8;
-
-  std::array<Index, 3> cells{};
-  Vec<3> edges = Vec<3>::Ones();  ///< of a cell [length]
-  std::array<double, 3> inverse_edges{};
-  Index row = 0, pitch = 0;  ///< cells in a padded row, nodes in one
-
-  CellLayout(const std::array<Index, 3>& cells, const Vec<3>& edges);
-
-  std::size_t node(Index i, Index j, Index k) const {
-    return static_cast<std::size_t>(i) +
-           static_cast<std::size_t>(pitch) * (j + static_cast<std::size_t>(cells[1] + 1) * k);
-  }
-  std::size_t nodes() const { return node(0, 0, cells[2] + 1); }
-  std::size_t block(Index i, Index j, Index k) const {
-    return (static_cast<std::size_t>(i) +
-            static_cast<std::size_t>(row) * (j + static_cast<std::size_t>(cells[1]) * k)) /
-           lanes;
-  }
-};
+/// Of which dilatation pressures are: at each point its own, or in each cell the mean, weighted with C_xxyy, so that
+/// nearly incompressible materials do not lock (selective reduced integration; Malkus & Hughes 1978).
+enum class Dilatation { local, mean };
+/// C_xxyy over C_xyxy beyond which cells lock: that of nu = 0.4.
+inline constexpr float bearable_ratio = 4.001F;
 
 /// A body in a grid of cells (finite cells; Parvizian, Duester & Rank 2007): strains are taken at eight points of a
 /// cell, the centres of its octants ("parts"), each weighted with the stiffness of the material in its octant. So cells
@@ -45,33 +30,34 @@ struct CellLayout {
 ///
 /// Fields have three components one after the other, each by node.
 struct CellGrid : CellLayout {
-  std::vector<float> stiffness;  ///< by `lanes` cells: shear of their 8 parts and across of their 8 parts, times volume
-  std::vector<char> empty;       ///< by `lanes` cells
+  CellParts parts;
 
-  /// Isotropic stiffness by part, C_xyxy (`shear`) and C_xxyy (`across`), x fastest, two parts to a cell along each
-  /// axis.
-  CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const std::vector<float>& shear,
-           const std::vector<float>& across);
+  /// Isotropic stiffness by part; `exact` as of CellParts.
+  CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const PartLayers& layers,
+           const std::vector<PartStiffness>& exact = {});
 
   std::size_t size() const { return 3 * nodes(); }
-  /// shear of part q = x + 2 y + 4 z of a cell, times its volume; across with q + 8.
-  float weight(Index i, Index j, Index k, int q) const {
-    return stiffness[(block(i, j, k) * 16 + q) * lanes + i % lanes];
+  /// Of part q = x + 2 y + 4 z of a cell.
+  const PartStiffness& moduli(Index i, Index j, Index k, int q) const {
+    return parts.moduli(block(i, j, k), i % lanes, q);
   }
+  const PartStiffness& weight(Index i, Index j, Index k, int q) const {
+    return parts.weight(block(i, j, k), i % lanes, q);
+  }
+  /// PartStiffness of the layers [begin, end) of cells.
+  Parts layers(Index begin, Index end) const;
 
   /// f = K u. Bitwise the same on any number of threads.
-  void apply(const float* u, float* f) const;
-  void apply(const double* u, double* f) const;
+  void apply(const float* u, float* f, Dilatation dilatation = Dilatation::local) const;
+  void apply(const double* u, double* f, Dilatation dilatation = Dilatation::local) const;
   /// The same for `count` fields, for which the stiffness is read once.
-  void apply(const float* const* u, float* const* f, int count) const;
-  void apply(const double* const* u, double* const* f, int count) const;
-  /// A diagonal D, laid out as a field, with x^T K x <= x^T D x for all x: that of K, cell by cell times the largest
-  /// eigenvalue that its part of K has over it.
+  void apply(const float* const* u, float* const* f, int count, Dilatation dilatation = Dilatation::local) const;
+  void apply(const double* const* u, double* const* f, int count, Dilatation dilatation = Dilatation::local) const;
+  /// By which nearly incompressible materials among the parts do not lock.
+  Dilatation needed() const { return parts.ratios()[1] > bearable_ratio ? Dilatation::mean : Dilatation::local; }
+  /// A diagonal D, laid out as a field, with x^T K x <= x^T D x for all x and both dilatations: that of K, cell by cell
+  /// times the largest eigenvalue that its part of K has over it.
   std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
-
-/// Stiffness by part of a coarser grid, from those of a grid of so many cells: `ratio`, 1 or 2 along each axis.
-std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
-                          const std::array<int, 3>& ratio);
 
 }  // namespace efree::internal

@@ -7,12 +7,17 @@
 
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 
 namespace efree::internal::kernels {
 
 inline constexpr int W = CellLayout::lanes;
 typedef float Floats __attribute__((vector_size(W * sizeof(float))));
+typedef float ManyFloats __attribute__((vector_size(2 * W * sizeof(float))));
 typedef double Doubles __attribute__((vector_size(W * sizeof(double))));
+/// What takes more cells at once where there are registers for it.
+template <class V> struct Wider { using type = V; };
+template <> struct Wider<Floats> { using type = ManyFloats; };
 
 template <class T, class V> [[gnu::always_inline]] inline void load(const T* from, V& to) {
   std::memcpy(&to, from, sizeof to);
@@ -24,6 +29,9 @@ template <class T, class V> [[gnu::always_inline]] inline void add_to(T* at, con
   std::memcpy(at, &sum, sizeof sum);
 }
 [[gnu::always_inline]] inline void load_weights(const float* from, Floats& to) {
+  load(from, to);
+}
+[[gnu::always_inline]] inline void load_weights(const float* from, ManyFloats& to) {
   load(from, to);
 }
 [[gnu::always_inline]] inline void load_weights(const float* from, Doubles& to) {
@@ -91,24 +99,45 @@ template <class V, class S>
   }
 }
 
+/// Calls Add::cells<T, V>(grid, u, f, i, j, k) for the cells of the layers [begin, end) that are not empty, as many at
+/// once as V holds, and for fewer at the end of a row.
+template <class Add, class Grid, class T, class V>
+[[gnu::always_inline]] inline void add_layers(const Grid& grid, const T* const* u, T* const* f, int count, Index begin,
+                                              Index end) {
+  constexpr int at_once = sizeof(V) / sizeof(T), blocks = at_once / W;
+  using Fewer = std::conditional_t<std::is_same_v<T, float>, Floats, Doubles>;
+  for (Index k = begin; k < end; ++k)
+    for (Index j = 0; j < grid.cells[1]; ++j)
+      for (int r = 0; r < count; ++r) {  // what a row weighs stays in the cache
+        Index i = 0;
+        for (; i + at_once <= grid.row; i += at_once) {
+          const std::size_t block = grid.block(i, j, k);
+          if (grid.parts.is_empty(block) && grid.parts.is_empty(block + blocks - 1)) continue;
+          Add::template cells<T, V>(grid, u[r], f[r], i, j, k);
+        }
+        if (i < grid.row && !grid.parts.is_empty(grid.block(i, j, k)))
+          Add::template cells<T, Fewer>(grid, u[r], f[r], i, j, k);
+      }
+}
+
 /// Adds the products of so many fields to `f` for the layers [begin, end) of cells.
 template <class Grid, class T>
 using Layers = void (*)(const Grid&, const T* const* u, T* const* f, int count, Index begin, Index end);
 template <class Add, class Grid, class T, class V>
 void plain(const Grid& grid, const T* const* u, T* const* f, int count, Index begin, Index end) {
-  Add::template layers<T, V>(grid, u, f, count, begin, end);
+  add_layers<Add, Grid, T, V>(grid, u, f, count, begin, end);
 }
 #if defined(__x86_64__) && !defined(EFREE_SSE2_KERNELS)
 template <class Add, class Grid, class T, class V>
 [[gnu::target("avx2,fma")]] void wide(const Grid& grid, const T* const* u, T* const* f, int count, Index begin,
                                       Index end) {
-  Add::template layers<T, V>(grid, u, f, count, begin, end);
+  add_layers<Add, Grid, T, V>(grid, u, f, count, begin, end);
 }
 #if !defined(EFREE_AVX2_KERNELS)
 template <class Add, class Grid, class T, class V>
 [[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const Grid& grid, const T* const* u, T* const* f, int count,
                                                             Index begin, Index end) {
-  Add::template layers<T, V>(grid, u, f, count, begin, end);  // twice the registers
+  add_layers<Add, Grid, T, typename Wider<V>::type>(grid, u, f, count, begin, end);
 }
 #endif
 template <class Add, class Grid, class T, class V> Layers<Grid, T> kernel() {

@@ -4,18 +4,14 @@
 
 #include "efree/solvers/cells/internal/cell_problem.hpp"
 
-#include <functional>
-#include <map>
+#include <array>
 #include <string>
 #include <vector>
 
 namespace efree::internal {
 
-/// Other names of sides (CellOptions::sides).
-using SideNames = std::map<std::string, std::string>;
-
-/// Throws InputError for what is no side.
-Side side_named(const std::string& given, const SideNames& names);
+/// Names of the sides of an image's frame, by 2 axis, plus 1 at the upper end.
+const std::array<std::string, 6>& side_names();
 
 /// A place in messages.
 std::string text_of(const Vec<3>& x);
@@ -31,11 +27,12 @@ std::vector<LabelShare> label_shares(const LabelImage<3>& image, const std::arra
 /// Whether there is any load.
 bool acts(const Loads<3>& loads);
 
-/// Adds the work-equivalent forces of all loads, unscaled: of tractions and resultants on what a side has of material
-/// (`on_side`: part of each rectangle), of forces in the body at the octants' centres, with densities by label. Returns
-/// what each load is. Throws InputError for loads that are not finite, and a mass force without a density.
-std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const SideNames& names,
-                                      const std::function<const std::vector<float>&(const Side&)>& on_side,
+/// Adds the work-equivalent forces of all loads, unscaled: of tractions and resultants on what a part of the boundary
+/// has in each octant, of forces in the body at the octants' centres, with densities by label. Tractions are taken to
+/// be linear in the normal: they get a vector that times the area of the surface is that of the faces of voxels, whose
+/// sum is exact. Returns what each load is. Throws InputError for loads that are not finite, and a mass force without a
+/// density.
+std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const PartPatches& patches,
                                       const std::vector<LabelShare>& shares, Field& to);
 
 }  // namespace efree::internal

@@ -17,9 +17,9 @@ struct CellAverages {
   Matrix stress;  ///< strains x loads: <C e_j>
 };
 
-/// Moduli of a part before rounding, by what single precision makes of them.
+/// PartStiffness of materials before rounding, by what single precision makes of them.
 struct ExactStiffness {
-  std::vector<std::array<float, 2>> rounded;
+  std::vector<PartStiffness> rounded;
   std::vector<std::array<double, 2>> exact;
 };
 
@@ -31,9 +31,11 @@ class CellOperator {
   virtual int components() const = 0;
   int strains() const { return components() == 3 ? 6 : 3; }
   std::size_t size() const { return components() * layout().nodes(); }
-  /// Bitwise the same on any number of threads.
-  virtual void apply(const float* const* u, float* const* f, int count) const = 0;
-  virtual void apply(const double* const* u, double* const* f, int count) const = 0;
+  /// What its answers are to be of.
+  virtual Dilatation dilatation() const = 0;
+  /// For `count` fields. Bitwise the same on any number of threads.
+  virtual void apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const = 0;
+  virtual void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const = 0;
   /// A diagonal that is nowhere less than K.
   virtual std::vector<float> bound() const = 0;
   /// f = K E x for a mean strain E, without fluctuations. Returns the stress, integrated over the frame.
@@ -42,13 +44,13 @@ class CellOperator {
   virtual CellAverages averages(const std::vector<Field>& u, const Matrix& applied) = 0;
 };
 
-/// K of parts (shear, across) of a grid; `flat` axes have one cell whose ends are the same node, so that nothing
-/// depends on the place along them. `ratios`: smallest and largest across over shear.
+/// K of the parts of a grid; `flat` axes have one cell whose ends are the same node, so that nothing
+/// depends on the place along them.
 std::unique_ptr<CellOperator> elastic_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
-                                               const std::array<bool, 3>& flat, const Parts& parts,
-                                               const std::array<float, 2>& ratios, const ExactStiffness& exact);
+                                               const std::array<bool, 3>& flat, const PartLayers& layers,
+                                               const ExactStiffness& exact);
 std::unique_ptr<CellOperator> conduction_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
-                                                  const std::array<bool, 3>& flat, const std::vector<float>& parts,
+                                                  const std::array<bool, 3>& flat, const PartLayers& layers,
                                                   const ExactStiffness& exact);
 
 }  // namespace efree::internal

@@ -3,30 +3,25 @@
 #pragma once
 
 #include "efree/solvers/cells/cell_solver.hpp"
+#include "efree/solvers/cells/internal/cell_boundary.hpp"
 #include "efree/solvers/cells/internal/cell_grid.hpp"
 #include "efree/solvers/cells/internal/grid_fields.hpp"
+#include "efree/solvers/cells/internal/springs.hpp"
 
+#include <array>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
 namespace efree::internal {
 
-/// A side of the image's frame: an axis, at its lower or upper end.
-struct Side {
-  int axis;
-  bool upper;
-  int first() const { return axis == 0 ? 1 : 0; }
-  int second() const { return axis == 2 ? 1 : 2; }
-};
-
-/// A displacement that is prescribed on a side, in one direction.
-struct HeldSide {
-  std::string on;
-  Side side;
-  Vec<3> direction;  ///< in the image's axes
-  int component;     ///< axis that it is along; -1: none, as of a component of the world where the image is turned
-  ScalarField<3> value;
+/// A node that a rigid restraint holds.
+struct HeldNode {
+  std::size_t node;
+  std::uint32_t restraint;  ///< in CellProblem::restraints
+  Eigen::Vector3f normal;   ///< mean outward unit normal of the part there, along the image's axes
 };
 
 /// A node that is held in directions that are not the image's axes.
@@ -36,23 +31,57 @@ struct ObliqueNode {
   Vec<3> value;  ///< displacement in the others
 };
 
-/// On one grid. Moduli and edges are scaled so that single precision holds them; forces with them.
+/// On one grid. PartStiffness and edges are scaled so that single precision holds them; forces with them.
 struct CellProblem {
   CellGrid grid;
   Vec<3> origin, edges;      ///< unscaled [length]
   Mat<3> axes;               ///< of the image, in which fields have their components
   std::array<int, 3> ratio;  ///< cells of the next finer grid in one, 1 or 2 along each axis; of the finest 1
-  const std::vector<HeldSide>* held;
-  /// By condition in `held`: whether material reaches a node of its side, the side's first axis fastest.
-  std::vector<std::vector<char>> reached;
+  Dilatation dilatation;
+  const std::vector<Restraint<3>>* restraints;
+  std::vector<HeldNode> held;           ///< ascending by node, those of a node by restraint
+  Springs springs;                      ///< of elastic restraints
   std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K; 0 where nothing is free
   std::vector<ObliqueNode> oblique;     ///< ascending; their three diagonals are the same
   std::vector<Field> loads;             ///< by case; empty without loads
 
   /// From the image's origin, along its axes.
   Vec<3> local(const std::array<Index, 3>& node) const { return edges.cwiseProduct(Vec<3>(node[0], node[1], node[2])); }
+  std::array<Index, 3> point(std::size_t node) const {
+    const auto pitch = static_cast<std::size_t>(grid.pitch), rows = static_cast<std::size_t>(grid.cells[1]) + 1;
+    return {static_cast<Index>(node % pitch), static_cast<Index>(node / pitch % rows),
+            static_cast<Index>(node / pitch / rows)};
+  }
   /// In the world.
   Vec<3> place(const std::array<Index, 3>& node) const { return origin + axes * local(node); }
+  Vec<3> centroid(const BoundaryPatch& patch) const { return origin + axes * patch.at; }
+  /// Calls f(node, value) for the corners of a patch's cell, with their functions where the stiffness has the octant
+  /// (on the frame: at that side of it). Loads elsewhere would move corners that hardly any material holds.
+  template <class F> void for_corners(const BoundaryPatch& patch, const F& f) const {
+    const std::array<Index, 3> cell = patch.cell();
+    for (int a = 0; a < 8; ++a) {
+      std::array<Index, 3> node = cell;
+      double value = 1.0;
+      for (int d = 0; d < 3; ++d) {
+        double at = patch.at[d] / edges[d] - cell[d];
+        if (!patch.on_frame && d == patch.side / 2) at = patch.octant[d] % 2 == 1 ? 0.75 : 0.25;
+        node[d] += a >> d & 1;
+        value *= (a >> d & 1) == 1 ? at : 1.0 - at;
+      }
+      f(node, value);
+    }
+  }
+  /// In which a node is held, along the image's axes.
+  Vec<3> direction(const HeldNode& at) const {
+    const int component = (*restraints)[at.restraint].component;
+    return component < 0 ? Vec<3>(at.normal.cast<double>().normalized()) : Vec<3>(axes.row(component).transpose());
+  }
+  /// f = K u with the springs.
+  template <class T> void apply(const T* u, T* f) const { apply(u, f, dilatation); }
+  template <class T> void apply(const T* u, T* f, Dilatation of) const {
+    grid.apply(u, f, of);
+    springs.add_to(u, f);
+  }
   /// Null: the node is held along the image's axes, if at all.
   const ObliqueNode* find_oblique(std::size_t node) const {
     const auto found = std::ranges::lower_bound(oblique, node, {}, &ObliqueNode::node);
@@ -70,30 +99,35 @@ struct CellProblem {
   std::size_t dof(int component, const std::array<Index, 3>& node) const {
     return component * grid.nodes() + grid.node(node[0], node[1], node[2]);
   }
-  /// Calls f(node) for the nodes that a condition holds.
-  template <class F> void for_held(std::size_t condition, const F& f) const {
-    const Side& side = (*held)[condition].side;
-    const int first = side.first(), second = side.second();
-    std::array<Index, 3> node{};
-    node[side.axis] = side.upper ? grid.cells[side.axis] : 0;
-    std::size_t k = 0;
-    for (node[second] = 0; node[second] <= grid.cells[second]; ++node[second])
-      for (node[first] = 0; node[first] <= grid.cells[first]; ++node[first])
-        if (reached[condition][k++]) f(node);
-  }
-  /// By side: the force and moment of what is out of balance (K u less the load), in the world's axes, scaled like
-  /// these. A component at a node belongs to the sides that prescribe it, in inverse proportion to how far they are: at
-  /// their nodes it is what they hold, and what iterations leave elsewhere is lost to none. Of directions that are not
-  /// the image's axes the forces of least squares, weighted so.
-  Resultants<3> reactions(const Field& out_of_balance) const;
+  /// Of the displacement u, by part on which something is prescribed: the force and moment by which that holds the
+  /// body, in the world's axes, scaled like what is out of balance (K u with the springs, less all that pulls). Springs
+  /// have their own forces. What is out of balance at a held node belongs to the restraints that hold it, in like
+  /// shares; what iterations leave elsewhere goes to all parts that hold its direction, in inverse proportion to how
+  /// far they are, so that none is lost. Of directions that are not the image's axes the forces of least squares,
+  /// weighted so.
+  Resultants<3> reactions(const Field& u, const Field& out_of_balance) const;
   /// Sets what is prescribed. Throws InputError for values that are not finite.
   void set_held(Field& u) const;
   /// That are not void.
   Index num_cells() const;
 };
 
+/// Patches by part of the boundary.
+using PartPatches = std::map<std::string, std::vector<BoundaryPatch>>;
+
+/// Finds the nodes that rigid restraints hold, takes them out of the diagonal, and those held obliquely aside.
+/// `patches` by part of the boundary, the frame's sides among them. Throws InputError for displacements that are not
+/// finite, or, on the `finest` grid, contradict each other.
+void hold_nodes(CellProblem& problem, const PartPatches& patches, bool finest);
+/// The springs of elastic restraints, scaled by `unit`. Throws InputError for a stiffness that is negative or not
+/// finite.
+Springs make_springs(const CellProblem& problem, const PartPatches& patches, double unit);
+/// Throws InputError naming the place of a body that is loaded, but not held against the motion its loads ask for, and
+/// of the largest one if it has to be `held` but may move. Bodies are cells with a point in common.
+void require_held(const CellProblem& problem, bool largest_is_held);
+
 struct CellProblems {
-  std::vector<HeldSide> held;
+  std::vector<Restraint<3>> restraints;
   std::vector<std::unique_ptr<CellProblem>> grids;  ///< from fine to coarse
   double unit = 1.0;  ///< force over displacement: true forces and energies are this times the scaled ones
   std::vector<std::vector<AppliedLoad<3>>> applied;  ///< by case, as the finest grid has them, unscaled

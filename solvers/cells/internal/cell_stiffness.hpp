@@ -2,20 +2,16 @@
 /// Stiffness of what an image has in the parts of a grid's cells.
 #pragma once
 
-#include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/input/box_averages.hpp"
 #include "efree/materials/material.hpp"
+#include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
-#include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
 namespace efree::internal {
-
-/// C_xyxy and C_xxyy by part of a grid's cells.
-struct Parts {
-  std::vector<float> shear, across;
-};
 
 /// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point).
 struct LabelStiffness {
@@ -23,17 +19,40 @@ struct LabelStiffness {
   std::vector<double> exact_shear, exact_across;          ///< these two before rounding
   std::vector<std::pair<Label, SharedMaterial>> varying;  ///< materials that differ from place to place
   double unit = 0.0;                                      ///< [stress]
-  float least_ratio = std::numeric_limits<float>::max(), most_ratio = std::numeric_limits<float>::lowest();
 
   /// Throws InputError for a label without material or with one that is not isotropic, or an image that is all void.
   LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials);
-  /// So that the ratios hold those of all parts.
-  void widen_ratios(const Parts& parts);
 };
 
-/// By part of a grid of so many cells, two to a cell along each axis, x fastest. `grown` as of box_averages. Throws
-/// InputError for a material that is not isotropic somewhere.
-Parts parts_of(const LabelImage<3>& image, const LabelStiffness& stiffness, const std::array<Index, 3>& cells,
+/// Stiffness by part of a grid over an image, layer by layer. Keeps references to the image and the stiffness.
+class PartsOfImage {
+ public:
+  /// Of a grid of so many cells. `grown` as of box_averages.
+  PartsOfImage(const LabelImage<3>& image, const LabelStiffness& stiffness, const std::array<Index, 3>& cells,
                double grown);
+  /// Of the layers [begin, end) of cells. Throws InputError for a material that is not isotropic somewhere.
+  Parts layers(Index begin, Index end) const;
+  /// Of the labels, as whole parts have them; none where they vary.
+  const std::vector<PartStiffness>& exact() const { return exact_; }
+  /// How much of a part is material, over its C_xyxy, if that is the same everywhere.
+  std::optional<float> solid_over_shear() const { return solid_over_shear_; }
+
+ private:
+  const LabelImage<3>& image_;
+  const LabelStiffness& stiffness_;
+  std::array<Index, 3> boxes_;
+  BoxAverages shear_;
+  std::optional<BoxAverages> across_;  ///< none: as shear, times the ratio
+  std::optional<float> ratio_, solid_over_shear_;
+  std::vector<BoxAverages> of_varying_;  ///< by material that varies: how much of it there is
+  std::vector<PartStiffness> exact_;
+};
+
+/// The same stiffness where no corner of a cell moves freely: a cell with one or two parts of material, each of which
+/// has one point for strains, has more corners than strains, and loads on these would move them without end. Of a wall
+/// that is one part thick between void a thirtieth is put into the empty part beside it in the cell, and a tenth of
+/// cells with up to three parts of material is spread over all of their parts. Stiffness against constant strains
+/// stays.
+PartLayers stabilised(PartLayers layers, const std::array<Index, 3>& cells);
 
 }  // namespace efree::internal

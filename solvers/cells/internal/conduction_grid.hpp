@@ -10,16 +10,12 @@ namespace efree::internal {
 
 /// As CellGrid, with one component and the conductivity of each part instead of its stiffness.
 struct ConductionGrid : CellLayout {
-  std::vector<float> conductivity;  ///< by `lanes` cells: of their 8 parts, times volume
-  std::vector<char> empty;          ///< by `lanes` cells
+  CellParts parts;
 
-  /// Conductivity by part, x fastest, two parts to a cell along each axis.
-  ConductionGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const std::vector<float>& parts);
+  /// Conductivity by part; `exact` as of CellParts.
+  ConductionGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const PartLayers& layers,
+                 const std::vector<PartStiffness>& exact = {});
 
-  /// Conductivity of part q = x + 2 y + 4 z of a cell, times its volume.
-  float weight(Index i, Index j, Index k, int q) const {
-    return conductivity[(block(i, j, k) * 8 + q) * lanes + i % lanes];
-  }
   /// f = K u for `count` fields. Bitwise the same on any number of threads.
   void apply(const float* const* u, float* const* f, int count) const;
   void apply(const double* const* u, double* const* f, int count) const;

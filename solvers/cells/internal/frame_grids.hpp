@@ -25,7 +25,10 @@ struct FrameGrid {
   /// Adds forces at the upper sides to those at the lower ones.
   template <class T> void fold(T* f) const;
   /// f = K u for fields, whose upper sides are set first.
-  template <class T> void multiply(T* const* u, T* const* f, int count) const;
+  template <class T> void multiply(T* const* u, T* const* f, int count) const {
+    multiply(u, f, count, matrix->dilatation());
+  }
+  template <class T> void multiply(T* const* u, T* const* f, int count, Dilatation dilatation) const;
 };
 
 /// Interpolation between two grids over the same frame, trilinear, whatever their numbers of cells.
@@ -49,7 +52,8 @@ class Transfer {
   std::array<Axis, 3> axes_;
 };
 
-/// V-cycles in single precision for several right-hand sides at once. On the coarsest grid the pseudo-inverse is dense.
+/// V-cycles in single precision for several right-hand sides at once, as of CellMultigrid. On the coarsest grid the
+/// pseudo-inverse is dense.
 class FrameMultigrid {
  public:
   /// Keeps a reference to the grids, from fine to coarse, for so many right-hand sides at most.
@@ -67,8 +71,9 @@ class FrameMultigrid {
   struct Work {
     SingleField b, x, step, rest;
   };
-  void smooth(std::size_t l, int count, bool from_zero);
-  void multiply(std::size_t l, int count);
+  void cycle(std::size_t l, int count, Dilatation dilatation);
+  void smooth(std::size_t l, int count, bool from_zero, Dilatation dilatation);
+  void multiply(std::size_t l, int count, Dilatation dilatation);
   void invert_coarsest();
 
   const std::vector<FrameGrid>& grids_;
