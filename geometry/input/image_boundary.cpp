@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <string_view>
 
 namespace efree {
@@ -127,21 +128,24 @@ class VoxelBoundary {
 
 }  // namespace
 
-ImageBoundary::ImageBoundary(const LabelImage<3>& image) : image_(image) {
-  std::vector<std::vector<VoxelFacet>> layers(image.size[2]);
-  parallel_chunks(image.size[2], 1, [&](Index begin, Index end) {
+const std::vector<VoxelFacet>& ImageBoundary::facets() const {
+  if (facets_) return *facets_;
+  std::vector<std::vector<VoxelFacet>> layers(image_.size[2]);
+  parallel_chunks(image_.size[2], 1, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
-      for (Index j = 0; j < image.size[1]; ++j)
-        for (Index i = 0; i < image.size[0]; ++i) {
-          if (image.at({i, j, k}) == 0) continue;
+      for (Index j = 0; j < image_.size[1]; ++j)
+        for (Index i = 0; i < image_.size[0]; ++i) {
+          if (image_.at({i, j, k}) == 0) continue;
           for (int side = 0; side < 6; ++side) {
             Voxel beyond{i, j, k};
             beyond[side / 2] += side % 2 == 1 ? 1 : -1;
-            if (!is_material(image, beyond)) layers[k].push_back(facet_of(image, {i, j, k}, side));
+            if (!is_material(image_, beyond)) layers[k].push_back(facet_of(image_, {i, j, k}, side));
           }
         }
   });
-  for (const auto& layer : layers) facets_.insert(facets_.end(), layer.begin(), layer.end());
+  facets_.emplace();
+  for (const auto& layer : layers) facets_->insert(facets_->end(), layer.begin(), layer.end());
+  return *facets_;
 }
 
 std::vector<VoxelFacet> ImageBoundary::named(const std::string& name) const {
@@ -151,16 +155,28 @@ std::vector<VoxelFacet> ImageBoundary::named(const std::string& name) const {
         fmt::format("there is no boundary \"{}\"; the image has \"{}\"", name, fmt::join(names_of_parts, "\", \"")));
   const auto part = static_cast<int>(found - names_of_parts.begin());
   std::vector<VoxelFacet> result;
-  for (const VoxelFacet& facet : facets_)
-    if (is_on_frame(image_, facet) ? facet.side() == part : part == 6) result.push_back(facet);
+  if (part == 6) {
+    std::ranges::copy_if(facets(), std::back_inserter(result),
+                         [&](const VoxelFacet& facet) { return !is_on_frame(image_, facet); });
+    return result;
+  }
+  Voxel first{0, 0, 0}, last = image_.size;
+  if (part % 2 == 1)
+    first[part / 2] = last[part / 2] - 1;
+  else
+    last[part / 2] = 1;
+  for (Index k = first[2]; k < last[2]; ++k)
+    for (Index j = first[1]; j < last[1]; ++j)
+      for (Index i = first[0]; i < last[0]; ++i)
+        if (image_.at({i, j, k}) != 0) result.push_back(facet_of(image_, {i, j, k}, part));
   return result;
 }
 
 std::vector<VoxelFacet> ImageBoundary::select(const Selection<3>& selection) const {
-  const VoxelBoundary boundary(image_, facets_);
+  const VoxelBoundary boundary(image_, facets());
   std::vector<VoxelFacet> result;
   for (const Index f : std::visit(internal::FacetSelector<3, VoxelBoundary>(boundary), selection))
-    result.push_back(facets_[f]);
+    result.push_back(facets()[f]);
   return result;
 }
 

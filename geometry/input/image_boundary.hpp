@@ -7,6 +7,7 @@
 
 #include <compare>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,11 +29,11 @@ using VoxelParts = std::map<std::string, std::vector<VoxelFacet>>;
 /// All facets between material and void and on the frame. Facets between materials are none.
 class ImageBoundary {
  public:
-  /// Keeps a reference to the image, which check_image accepts. Linear in its voxels.
-  explicit ImageBoundary(const LabelImage<3>& image);
+  /// Keeps a reference to the image, which check_image accepts.
+  explicit ImageBoundary(const LabelImage<3>& image) : image_(image) {}
 
-  /// Ascending.
-  const std::vector<VoxelFacet>& facets() const { return facets_; }
+  /// Ascending. Linear in the voxels the first time, which is not for several threads at once.
+  const std::vector<VoxelFacet>& facets() const;
   /// Those on a side of the frame ("left", "right", "front", "back", "bottom", "top"), or on none ("pores"), as meshes
   /// of images have them. May be none. Throws InputError for another name, with these.
   std::vector<VoxelFacet> named(const std::string& name) const;
@@ -42,7 +43,7 @@ class ImageBoundary {
 
  private:
   const LabelImage<3>& image_;
-  std::vector<VoxelFacet> facets_;
+  mutable std::optional<std::vector<VoxelFacet>> facets_{};  ///< once they have been asked for
 };
 
 /// Whether a facet is on the frame of its image.
