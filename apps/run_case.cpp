@@ -167,9 +167,8 @@ class ImageRun final : public CaseRun {
         out.supersede(other);
       const std::filesystem::path fields = out.file("fields.vti"),
                                   picture = options_.no_picture ? "" : out.file("fields.png");
-      parallel_chunks(2, 1, [&](Index which, Index) {  // neither has work for two threads
-        if (which == 0) write_fields(fields, case_, *result);
-        if (which == 1 && !picture.empty()) draw_fields(picture, case_, *result);
+      parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) {
+        task == 0 ? write_fields(fields, case_, *result) : draw_fields(picture, case_, *result);
       });
     }
     write_result(out.file("result.json"), case_, *result);

@@ -3,7 +3,7 @@
 /// memory, to be read beside the tables of bench/peers (same problems, same references).
 ///
 ///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
-///     [nu = 0.3, of which the references are]
+///     [nu = 0.3; references are for 0.3]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
 #include "clock.hpp"

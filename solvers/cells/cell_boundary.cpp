@@ -2,6 +2,7 @@
 #include "efree/solvers/cells/internal/cell_boundary.hpp"
 
 #include "efree/core/parallel.hpp"
+#include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -35,10 +36,8 @@ struct Octants {
   /// Of the cell of an octant, counted in octants.
   float in_cell(const std::array<Index, 3>& o) const {
     float sum = 0.0F;
-    for (int q = 0; q < 8; ++q)
-      sum += solid[o[0] / 2 * 2 + (q & 1) +
-                   static_cast<std::size_t>(size[0]) *
-                       (o[1] / 2 * 2 + (q >> 1 & 1) + static_cast<std::size_t>(size[1]) * (o[2] / 2 * 2 + (q >> 2)))];
+    const PartOrder order({size[0] / 2, size[1] / 2, size[2] / 2});
+    for (int q = 0; q < 8; ++q) sum += solid[order(o[0] / 2, o[1] / 2, o[2] / 2, q)];
     return sum;
   }
 };

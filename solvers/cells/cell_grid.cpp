@@ -79,20 +79,18 @@ CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, con
     : CellLayout(cells_, edges_), parts(*this, layers, exact) {}
 
 Parts CellGrid::layers(Index begin, Index end) const {
-  const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
+  const PartOrder order(cells);
   Parts result;
-  result.shear.resize(plane * 2 * (end - begin));
+  result.shear.resize(order(0, 0, end - begin, 0));
   result.across.resize(result.shear.size());
   parallel_chunks(end - begin, 1, [&](Index first, Index last) {
     for (Index k = first; k < last; ++k)
       for (Index j = 0; j < cells[1]; ++j)
         for (Index i = 0; i < cells[0]; ++i)
           for (int q = 0; q < 8; ++q) {
-            const std::size_t part =
-                2 * static_cast<std::size_t>(i) + (q & 1) + along * (2 * j + (q >> 1 & 1)) + plane * (2 * k + (q >> 2));
             const PartStiffness& of = moduli(i, j, begin + k, q);
-            result.shear[part] = of.shear;
-            result.across[part] = of.across;
+            result.shear[order(i, j, k, q)] = of.shear;
+            result.across[order(i, j, k, q)] = of.across;
           }
   });
   return result;

@@ -2,7 +2,7 @@
 #include "efree/solvers/cells/internal/cell_loads.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/geometry/input/box_averages.hpp"
+#include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -90,9 +90,8 @@ std::vector<LabelShare> label_shares(const LabelImage<3>& image, const std::arra
   std::vector<LabelShare> shares;
   for (const LabelCount& count : count_labels(image)) {
     if (count.label == 0) continue;
-    std::vector<float> one(count.label + 1, 0.0F);
-    one[count.label] = 1.0F;
-    shares.push_back({count.label, box_averages(image, one, {2 * cells[0], 2 * cells[1], 2 * cells[2]})});
+    const std::array<Index, 3> boxes{2 * cells[0], 2 * cells[1], 2 * cells[2]};
+    shares.push_back({count.label, part_of_label(image, count.label, boxes).layers(0, boxes[2])});
   }
   return shares;
 }

@@ -17,7 +17,7 @@ Vec<3> edges_or_endless(const Vec<3>& edges, const std::array<bool, 3>& flat) {
   return result;
 }
 
-/// PartStiffness as they were before they were rounded, if they are those of one of the materials.
+/// Moduli as they were before they were rounded, if they are those of one of the materials.
 std::array<double, 2> before_rounding(const ExactStiffness& known, double a, double b) {
   for (std::size_t m = 0; m < known.rounded.size(); ++m) {
     const std::array<double, 2> one{known.rounded[m].shear, known.rounded[m].across};

@@ -140,7 +140,7 @@ CellParts::CellParts(const CellLayout& layout, const PartLayers& layers, const s
     : numbers_(layout.blocks() * 8 * lanes, 0), kinds_(layout.blocks(), Kind::empty) {
   const auto& n = layout.cells;
   Palette palette(exact);
-  const std::size_t along = 2 * static_cast<std::size_t>(n[0]), plane = along * 2 * n[1];
+  const PartOrder order(n);
   for (Index first = 0; first < n[2]; first += slab) {
     const Index last = std::min(first + slab, n[2]);
     const Parts parts = layers(first, last);
@@ -158,10 +158,9 @@ CellParts::CellParts(const CellLayout& layout, const PartLayers& layers, const s
         std::uint16_t number = 0;
         for (Index j = 0; j < n[1]; ++j)
           for (Index i = 0; i < n[0]; ++i) {
-            const std::size_t part = 2 * static_cast<std::size_t>(i) + along * 2 * j + plane * 2 * k;
             std::uint16_t* to = &numbers_[layout.block(i, j, first + k) * 8 * lanes + i % lanes];
             for (int q = 0; q < 8; ++q, to += lanes) {
-              const PartStiffness here = of_part(part + (q & 1) + along * (q >> 1 & 1) + plane * (q >> 2));
+              const PartStiffness here = of_part(order(i, j, k, q));
               if (!(here == before)) number = palette.find(before = here);
               *to = number;
               if (number == Palette::unknown) unknown[k].push_back({here, to});

@@ -64,15 +64,8 @@ Vec<3> first_place(const LabelImage<3>& image, Label label) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
-/// Averages of one label's part.
-BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes, double grown) {
-  std::vector<float> one(label + 1, 0.0F);
-  one[label] = 1.0F;
-  return {image, one, boxes, grown};
-}
-
-/// Adds what a material that differs from place to place has in each part of layers of boxes, the first of which is
-/// `layer`; `share` is how much of it there is.
+/// Adds the stiffness of a material that varies in space to the parts of layers of boxes, from `layer` on; `share` is
+/// how much of it there is.
 void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
                  const std::array<Index, 3>& boxes, Index layer, const std::vector<float>& share, Parts& parts) {
   Vec<3> edges;
@@ -122,6 +115,12 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
 }
 
 }  // namespace
+
+BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes, double grown) {
+  std::vector<float> one(label + 1, 0.0F);
+  one[label] = 1.0F;
+  return {image, one, boxes, grown};
+}
 
 LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
     : shear(materials.size(), 0.0F),
@@ -194,13 +193,12 @@ namespace {
 void spread(Parts& parts, const std::array<Index, 3>& cells) {
   constexpr float spread = 1.0F / 30.0F, nothing = 0.02F;
   constexpr int few = 3;
-  const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];
+  const PartOrder order(cells);
   parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < cells[1]; ++j)
         for (Index i = 0; i < cells[0]; ++i) {
-          const std::size_t first = 2 * static_cast<std::size_t>(i) + along * 2 * j + plane * 2 * k;
-          const auto part = [&](int q) { return first + (q & 1) + along * (q >> 1 & 1) + plane * (q >> 2); };
+          const auto part = [&](int q) { return order(i, j, k, q); };
           float most = 0.0F;
           for (int q = 0; q < 8; ++q) most = std::max(most, parts.shear[part(q)]);
           if (most == 0.0F) continue;
@@ -225,7 +223,7 @@ Parts stabilise(Parts parts, const std::array<Index, 3>& cells) {
       stride{1, size[0], size[0] * size[1]};
   for (int axis = 0; axis < 3; ++axis) {
     const int first = axis == 0 ? 1 : 0, second = axis == 2 ? 1 : 2;
-    // Lines of parts along the axis; a part looks at those beside it, of which one is in its cell and is written.
+    // Lines of parts along the axis. Neighbours are read; only parts of the same cell are written.
     parallel_chunks(static_cast<Index>(size[second]), 4, [&](Index begin, Index end) {
       for (Index b = begin; b < end; ++b)
         for (std::size_t a = 0; a < size[first]; ++a) {

@@ -3,7 +3,7 @@
 
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/parallel.hpp"
-#include "efree/geometry/input/box_averages.hpp"
+#include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -52,8 +52,6 @@ class MixedCells {
         image.origin + 0.5 * image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2])));
     for (const LabelCount& count : count_labels(image)) {
       if (count.label == 0) continue;
-      std::vector<float> one(count.label + 1, 0.0F);
-      one[count.label] = 1.0F;
       const SharedMaterial& material = materials[count.label];
       phases_.push_back(
           {&material, Materials<3>({material}, Plane::strain).stiffness(0, middle).C(0, 0), std::vector<float>()});
@@ -61,11 +59,8 @@ class MixedCells {
     }
     const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
     different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
-    for (std::size_t p = 0; different_ && p < phases_.size(); ++p) {
-      std::vector<float> one(labels_[p] + 1, 0.0F);
-      one[labels_[p]] = 1.0F;
-      phases_[p].part = box_averages(image, one, n_);
-    }
+    for (std::size_t p = 0; different_ && p < phases_.size(); ++p)
+      phases_[p].part = part_of_label(image, labels_[p], n_).layers(0, n_[2]);
   }
 
   double energy() const {

@@ -44,7 +44,7 @@ struct CellGrid : CellLayout {
   const PartStiffness& weight(Index i, Index j, Index k, int q) const {
     return parts.weight(block(i, j, k), i % lanes, q);
   }
-  /// PartStiffness of the layers [begin, end) of cells.
+  /// Moduli of the layers [begin, end) of cells.
   Parts layers(Index begin, Index end) const;
 
   /// f = K u. Bitwise the same on any number of threads.

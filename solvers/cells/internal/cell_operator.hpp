@@ -17,7 +17,7 @@ struct CellAverages {
   Matrix stress;  ///< strains x loads: <C e_j>
 };
 
-/// PartStiffness of materials before rounding, by what single precision makes of them.
+/// Moduli of materials before rounding, by what single precision makes of them.
 struct ExactStiffness {
   std::vector<PartStiffness> rounded;
   std::vector<std::array<double, 2>> exact;

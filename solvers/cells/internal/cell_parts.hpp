@@ -41,7 +41,18 @@ struct PartStiffness {
   friend bool operator==(const PartStiffness&, const PartStiffness&) = default;
 };
 
-/// PartStiffness by part of a grid's cells, two to a cell along each axis, x fastest. `across` may be empty: all 0.
+/// The order of the parts in layers of cells: two to a cell along each axis, x fastest.
+struct PartOrder {
+  std::size_t along, plane;  ///< parts in a row, and in a layer of them
+  explicit PartOrder(const std::array<Index, 3>& cells)
+      : along(2 * static_cast<std::size_t>(cells[0])), plane(along * 2 * cells[1]) {}
+  /// Of part q = x + 2 y + 4 z of a cell.
+  std::size_t operator()(Index i, Index j, Index k, int q) const {
+    return 2 * static_cast<std::size_t>(i) + (q & 1) + along * (2 * j + (q >> 1 & 1)) + plane * (2 * k + (q >> 2));
+  }
+};
+
+/// Stiffness by part of a grid's cells (PartOrder). `across` may be empty: all 0.
 struct Parts {
   std::vector<float> shear, across;
 };

@@ -31,7 +31,7 @@ struct ObliqueNode {
   Vec<3> value;  ///< displacement in the others
 };
 
-/// On one grid. PartStiffness and edges are scaled so that single precision holds them; forces with them.
+/// On one grid. Moduli and edges are scaled so that single precision holds them; forces with them.
 struct CellProblem {
   CellGrid grid;
   Vec<3> origin, edges;      ///< unscaled [length]

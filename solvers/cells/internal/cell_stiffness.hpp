@@ -13,6 +13,10 @@
 
 namespace efree::internal {
 
+/// Averages over boxes of how much of a label is in them. `grown` as of box_averages.
+BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes,
+                          double grown = 0.0);
+
 /// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point).
 struct LabelStiffness {
   std::vector<float> shear, across, solid;                ///< by label; the first two 0 where they vary

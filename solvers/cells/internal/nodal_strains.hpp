@@ -4,6 +4,7 @@
 
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
+#include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
 #include <vector>
@@ -40,18 +41,14 @@ class RegionShare {
  public:
   /// `averages`: of 1 for the region's labels and 0 for others, over octants. Of the layers [first, last) of cells.
   RegionShare(const BoxAverages& averages, const std::array<Index, 3>& cells, Index first, Index last)
-      : along_(2 * static_cast<std::size_t>(cells[0])),
-        plane_(along_ * 2 * cells[1]),
-        first_(first),
-        part_(averages.layers(2 * first, 2 * last)) {
+      : order_(cells), first_(first), part_(averages.layers(2 * first, 2 * last)) {
     constexpr float rounding = 1e-5F;
     for (float& part : part_)
       if (part > 1.0F - rounding) part = 1.0F;
   }
   /// In octant q = x + 2 y + 4 z of a cell.
   float at(const std::array<Index, 3>& cell, int q) const {
-    return part_[2 * static_cast<std::size_t>(cell[0]) + (q & 1) + along_ * (2 * cell[1] + (q >> 1 & 1)) +
-                 plane_ * (2 * (cell[2] - first_) + (q >> 2))];
+    return part_[order_(cell[0], cell[1], cell[2] - first_, q)];
   }
   bool is_whole(const std::array<Index, 3>& cell) const {
     for (int q = 0; q < 8; ++q)
@@ -60,7 +57,7 @@ class RegionShare {
   }
 
  private:
-  std::size_t along_, plane_;
+  PartOrder order_;
   Index first_;
   std::vector<float> part_;
 };
