@@ -168,7 +168,6 @@ Result<Dim> analyse_to_accuracy(const MeshSource<Dim>& source, const Settings<Di
   for (;;) {
     const double begin = seconds();
     const PreparedMesh<Dim> mesh = prepare_about(trial, cells, settings, monitor);
-    if (is_on_cells(settings, mesh)) return analyse(prepare(source, settings, monitor), settings, monitor);
     if (attempts.empty())
       for (const std::string& remark : mesh.remarks) tell(remark);
     if (!attempts.empty()) {

@@ -51,9 +51,7 @@ template <int Dim> Balance<Dim> balance_of(const Materials<Dim>& materials, cons
   const FineSpace<Dim>& space = result.basis().space;
   Balance<Dim> balance{answer.balance.reactions, {}};
   double free_work = 0.0, load_work = 0.0;
-  if (result.cells) {
-    if constexpr (Dim == 3) balance = {result.cells->finest().reactions, result.cells->applied};
-  } else if (!result.history.empty()) {
+  if (!result.history.empty()) {
     balance.loads = answer.balance.loads;
   } else {
     if (of_elements) {
@@ -175,6 +173,9 @@ template <int Dim> bool linear_is_enough(const Settings<Dim>& linear, const Sett
 template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given,
                                                const Monitor& watching, bool* is_path,
                                                const Result<Dim>* coarsest = nullptr) {
+  if (given.cells == OnCells::always)
+    throw InputError(said_at(where_said(given.common, "basis.kind"),
+                             "cells (basis.kind = \"cells\") are for analyse_image: analyse has functions on a mesh"));
   Settings<Dim> settings = with_cases(with_defaults(given, mesh));
   StageTimes times;
   const Monitor monitor = watching.timing(times);
@@ -211,13 +212,10 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
       for (const auto& loads : loads_by_case(settings))
         for (const auto& load : loads.followers) refuse_follower(load.on);
     });
-  const bool on_cells = !in_steps && is_on_cells(settings, mesh);
-  const bool without_cloud = !in_steps && !on_cells && settings.asks_for_accuracy() && may_do_without_cloud(settings) &&
+  const bool without_cloud = !in_steps && settings.asks_for_accuracy() && may_do_without_cloud(settings) &&
                              has_memory_for_quadratic_elements(*mesh.mesh);
   located(settings.common, settings.common.where, [&] {
     if (in_steps) return answer_by_steps(settings, coarsest, result, monitor);
-    if constexpr (Dim == 3)
-      if (on_cells) return answer_on_cells(settings, mesh, result, monitor);
     if (without_cloud) return answer_by_elements(settings, result, monitor);
     answer_by_cloud(settings, result, monitor);
   });
@@ -238,7 +236,7 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
     for (const Answer<Dim>* answer : answers) solutions.push_back(&answer->solution);
     of_elements = ElementReactions<Dim>(basis, result.model, settings.supports)(loads, solutions);
   }
-  const bool by_strains = result.history.empty() && !result.cells;
+  const bool by_strains = result.history.empty();
   const double most = by_strains ? energy_alone(materials, basis.space, [](Index) { return 1.0; }) : 0.0;
   for (std::size_t k = 0; k < answers.size(); ++k) {
     Answer<Dim>& answer = *answers[k];
@@ -252,16 +250,13 @@ template <int Dim> Result<Dim> analyse_or_tell(const PreparedMesh<Dim>& mesh, co
     answer.balance = balance_of(materials, result, answer, loads[k], of_elements.empty() ? nullptr : &of_elements[k]);
     check_balance(answer.balance, of, result);
     check_free_work(answer, of, result);
+    if (result.history.empty() && answer.fields.displacement.isZero(0.0)) result.warnings.push_back(of + nothing_acts);
     if (by_strains) check_strains(materials, basis.space, most, answer, of, result);
   }
   if (settings.has_exact())
     located(settings.common, settings.common.where,
             [&] { result.errors = errors_against(basis, result.fields, materials, settings.exact); });
   if (in_steps && result.errors) result.errors->energy_norm.reset();  // that of linear materials
-  if constexpr (Dim == 3)
-    if (on_cells)
-      result.error_density =
-          error_density(result, recovery_errors(*result.cells, result.fields, *mesh.mesh, result.model.regions));
   if (result.error_density.size() == 0 && !in_steps)
     result.error_density = error_density(result, recovery_error(basis, result.fields, materials).squares);
   result.warnings.insert(result.warnings.end(), mesh.warnings.begin(), mesh.warnings.end());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// From settings to results, by a cloud, by finite elements or on cells: the one pipeline that the command line, the
-/// studies and C++ users share.
+/// From settings to results on a mesh, by a cloud or by finite elements: the one pipeline that the command line, the
+/// studies and C++ users share. Images in space are answered without a mesh by analyse_image.
 #pragma once
 
 #include "efree/analysis/result.hpp"

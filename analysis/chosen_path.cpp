@@ -57,7 +57,7 @@ template <int Dim> class Levels {
   Levels(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, bool elements, bool fixed)
       : source_(source),
         natural_(natural),
-        fixed_(fixed || source.says_its_size() || natural.image || source.grey),
+        fixed_(fixed || source.says_its_size() || source.grey),
         elements_(elements),
         edge_(std::min(natural.size, longest_to_mean * edge_of_cells(*natural.mesh))) {
     const FineMesh<Dim>& mesh = *natural.mesh;

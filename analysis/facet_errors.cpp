@@ -118,7 +118,7 @@ template <int Dim> double largest_relative_sagitta(const FineMesh<Dim>& mesh, co
 }
 
 template <int Dim> void add_facet_errors(const Settings<Dim>& settings, Result<Dim>& result) {
-  if (!result.estimates || result.cells || !result.history.empty()) return;
+  if (!result.estimates || !result.history.empty()) return;
   const FineSpace<Dim>& space = result.basis().space;
   const auto materials = materials_of(result.model, *result.mesh);
   const auto derivative = shape_derivative(settings, result, space, materials);

@@ -3,9 +3,13 @@
 
 #include "efree/analysis/internal/grid_search.hpp"
 #include "efree/analysis/internal/image_parts.hpp"
+#include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/mentions.hpp"
+#include "efree/analysis/internal/told_errors.hpp"
+#include "efree/analysis/prepare.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
@@ -26,61 +30,73 @@ Vec<3> lengths_of(const LabelImage<3>& image) {
   return image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2]));
 }
 
-/// Names of the regions, in the order of their labels, and the region of each label.
-struct Regions {
-  std::vector<std::string> names;
-  std::vector<Index> of_label;
-
-  explicit Regions(const std::map<Label, std::string>& region_of_label) {
-    of_label.assign(region_of_label.rbegin()->first + 1, -1);
-    for (const auto& [label, name] : region_of_label) {
-      auto place = std::ranges::find(names, name);
-      if (place == names.end()) place = names.insert(place, name);
-      of_label[label] = static_cast<Index>(place - names.begin());
-    }
+/// Sets the names of the regions, in the order of their labels, and the region of each label.
+void number_regions(const std::map<Label, std::string>& region_of_label, ImageResult& result) {
+  result.region_of_label.assign(region_of_label.rbegin()->first + 1, -1);
+  for (const auto& [label, name] : region_of_label) {
+    auto place = std::ranges::find(result.regions, name);
+    if (place == result.regions.end()) place = result.regions.insert(place, name);
+    result.region_of_label[label] = static_cast<Index>(place - result.regions.begin());
   }
-};
+}
 
 /// By region, as much of it as linear elasticity has.
-std::vector<SharedMaterial> materials_by_region(const CommonSettings<3>& settings, const Regions& regions) {
+std::vector<SharedMaterial> materials_by_region(const CommonSettings<3>& settings,
+                                                const std::vector<std::string>& regions) {
   const auto linear = [](const SharedMaterial& material) {
     return material && !material->linear() ? SharedMaterial(Linearised(material)) : material;
   };
-  if (settings.materials.empty())
-    return std::vector<SharedMaterial>(regions.names.size(), linear(settings.model.material));
-  std::vector<SharedMaterial> materials(regions.names.size());
+  if (settings.materials.empty()) return std::vector<SharedMaterial>(regions.size(), linear(settings.model.material));
+  std::vector<SharedMaterial> materials(regions.size());
   for (const RegionMaterial& of : settings.materials) {
-    const auto found = std::ranges::find(regions.names, of.region);
-    if (found == regions.names.end())
+    const auto found = std::ranges::find(regions, of.region);
+    if (found == regions.end())
       throw InputError(said_at(of.where, fmt::format("there is no region \"{}\"; the image has \"{}\"", of.region,
-                                                     fmt::join(regions.names, "\", \""))));
-    materials[found - regions.names.begin()] = linear(of.material);
+                                                     fmt::join(regions, "\", \""))));
+    materials[found - regions.begin()] = linear(of.material);
   }
   for (std::size_t r = 0; r < materials.size(); ++r)
     if (!materials[r])
       throw InputError(
           said_at(settings.materials.back().where, fmt::format("no [[material]] for the region \"{}\"; the image has "
                                                                "\"{}\"",
-                                                               regions.names[r], fmt::join(regions.names, "\", \""))));
+                                                               regions[r], fmt::join(regions, "\", \""))));
   return materials;
 }
 
-/// Why cells do not take the material of some label, at the middle of its first voxel; empty: they take all.
-std::string why_materials_take_mesh(const LabelImage<3>& image, const Regions& regions,
-                                    const std::vector<SharedMaterial>& materials) {
+/// The middle of a voxel.
+Vec<3> middle_of(const LabelImage<3>& image, std::ptrdiff_t voxel) {
+  Vec<3> at;
+  for (int d = 0; d < 3; voxel /= image.size[d++]) at[d] = static_cast<double>(voxel % image.size[d]) + 0.5;
+  return image.in_world(image.origin + at.cwiseProduct(image.spacing));
+}
+
+/// Why cells do not take a material as it is at a place; empty: they take it.
+std::string why_material_takes_mesh(const SharedMaterial& material, const Vec<3>& x) {
+  if (!is_isotropic(material, x)) return "not isotropic";
+  const MaterialResponse response = respond(*material, Deformation::none(Points<3>(x), material->history_size()), true);
+  return incompressibility(response.tangent_at(0)) > bearable_on_cells ? "nearly incompressible" : "";
+}
+
+/// Why cells do not take a material; empty: they take it. What differs from place to place is looked at in some
+/// thousands of its voxels.
+std::string why_materials_take_mesh(const ImageResult& result) {
+  constexpr std::int64_t looks = 4096;
+  const LabelImage<3>& image = *result.image;
   for (const LabelCount& count : count_labels(image)) {
     if (count.label == 0) continue;
-    auto pixel = static_cast<std::size_t>(std::ranges::find(image.labels, count.label) - image.labels.begin());
-    Vec<3> at;
-    for (int d = 0; d < 3; pixel /= image.size[d++]) at[d] = static_cast<double>(pixel % image.size[d]) + 0.5;
-    const Vec<3> x = image.in_world(image.origin + at.cwiseProduct(image.spacing));
-    const Index region = regions.of_label[count.label];
-    const SharedMaterial& material = materials[region];
-    const std::string of = fmt::format("the material of the region \"{}\"", regions.names[region]);
-    if (!is_isotropic(material, x)) return of + " is not isotropic";
-    const MaterialResponse response =
-        respond(*material, Deformation::none(Points<3>(x), material->history_size()), true);
-    if (incompressibility(response.tangent_at(0)) > bearable_on_cells) return of + " is nearly incompressible";
+    const Index region = result.region_of_label[count.label];
+    const SharedMaterial& material = result.materials[region];
+    const std::int64_t step = material->homogeneous() ? count.pixels : std::max<std::int64_t>(1, count.pixels / looks);
+    auto voxel = image.labels.begin();
+    for (std::int64_t seen = 0; seen < count.pixels; ++seen, ++voxel) {
+      voxel = std::find(voxel, image.labels.end(), count.label);
+      if (seen % step != 0) continue;
+      if (const std::string why = why_material_takes_mesh(material, middle_of(image, voxel - image.labels.begin()));
+          !why.empty())
+        return fmt::format("the material of the region \"{}\" is {}", result.regions[region], why);
+      if (step == count.pixels) break;
+    }
   }
   return "";
 }
@@ -118,30 +134,28 @@ void check_probes_of_image(const Settings<3>& settings, const LabelImage<3>& ima
   for (const auto& probe : settings.probes)
     if (label_near(image, probe.at, probe_reach) == 0)
       throw InputError(said_at(probe.where, fmt::format("the probe \"{}\" at ({:.6g}) lies outside the body: there is "
-                                                        "no material within {} voxels",
-                                                        probe.name, fmt::join(probe.at, ", "), probe_reach)));
+                                                        "no material within a voxel",
+                                                        probe.name, fmt::join(probe.at, ", "))));
 }
 
 /// Fields by cell, and the numbers that are asked for.
-void tell(const Settings<3>& settings, const LabelImage<3>& image, const Regions& regions,
-          const std::vector<SharedMaterial>& materials, ImageAnswer& result) {
+void tell(const Settings<3>& settings, const ImageResult& result, ImageAnswer& answer) {
   std::vector<Vec<3>> probes;
   for (const auto& probe : settings.probes) probes.push_back(probe.at);
-  result.by_cell = recover_cell_fields(*result.cells, image, regions.of_label, materials, probes);
-  result.probes.clear();
+  answer.by_cell = recover_cell_fields(*answer.cells, *result.image, result.region_of_label, result.materials, probes);
+  answer.probes.clear();
   for (std::size_t p = 0; p < probes.size(); ++p)
-    result.probes.emplace_back(settings.probes[p].name, result.by_cell.probes[p]);
+    answer.probes.emplace_back(settings.probes[p].name, answer.by_cell.probes[p]);
   PlacedRange von_mises;
-  for (const RegionStresses& region : result.by_cell.regions) von_mises.add(region.von_mises);
-  const PlacedRange& displacement = result.by_cell.displacement;
-  result.extremes = {{"displacement", displacement.most, displacement.most_at, 0, std::nullopt},
+  for (const RegionStresses& region : answer.by_cell.regions) von_mises.add(region.von_mises);
+  const PlacedRange& displacement = answer.by_cell.displacement;
+  answer.extremes = {{"displacement", displacement.most, displacement.most_at, 0, std::nullopt},
                      {"von_mises", von_mises.most, von_mises.most_at, 0, std::nullopt}};
-  tell_errors_on_cells(settings, *result.cells, result);
+  tell_errors_on_cells(settings, *answer.cells, answer);
 }
 
 /// Says so if reactions and loads do not balance to rounding; far from it the answer is none.
-void balance(const std::vector<SharedMaterial>& materials, ImageAnswer& answer, const std::string& of,
-             ImageResult& result) {
+void balance(ImageAnswer& answer, const std::string& of, ImageResult& result) {
   constexpr double rounding = 1e-8, bearable = 0.01;
   answer.balance = {answer.cells->finest().reactions, answer.cells->applied};
   std::vector<Resultant<3>> all;
@@ -149,7 +163,7 @@ void balance(const std::vector<SharedMaterial>& materials, ImageAnswer& answer, 
   for (const auto& load : answer.balance.loads) all.push_back(load.of);
   const double length = lengths_of(*result.image).norm();
   Stiffness<3> room;
-  const double modulus = Materials<3>(materials, Plane::strain).stiffness(0, result.image->origin, room).C(0, 0);
+  const double modulus = Materials<3>(result.materials, Plane::strain).stiffness(0, result.image->origin, room).C(0, 0);
   const double least = 1e-6 * modulus * std::max(0.0, answer.by_cell.displacement.most) * length;
   answer.balance.error = imbalance(all, length, false, least);
   if (answer.balance.error <= rounding) return;
@@ -163,17 +177,17 @@ void balance(const std::vector<SharedMaterial>& materials, ImageAnswer& answer, 
 }
 
 /// All that acts in each case, with densities by label. Throws InputError for a density that is missing.
-std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const Regions& regions) {
+std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const ImageResult& result) {
   std::vector<Loads<3>> cases = loads_by_case(settings);
   for (Loads<3>& loads : cases) {
     loads.density.clear();
     if (loads.mass_forces.empty()) continue;
-    for (const Index region : regions.of_label) {
+    for (const Index region : result.region_of_label) {
       if (region < 0) {
         loads.density.emplace_back(0.0);
         continue;
       }
-      const std::string& name = regions.names[region];
+      const std::string& name = result.regions[region];
       const auto of = std::ranges::find(settings.common.materials, name, &RegionMaterial::region);
       const bool found = of != settings.common.materials.end();
       const Parameter& density = found ? of->density : settings.common.density;
@@ -188,11 +202,31 @@ std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const Regions&
   return cases;
 }
 
+/// What makes an answer doubtful, or none.
+void judge_answer(const Settings<3>& settings, const std::string& of, ImageAnswer& answer, ImageResult& result) {
+  if (!std::isfinite(answer.solution.strain_energy) || !answer.by_cell.stress.allFinite())
+    throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
+  judge_grid(settings, *answer.estimates, of, result.warnings, result.refusal);
+  if (answer.by_cell.displacement.most == 0.0) result.warnings.push_back(of + nothing_acts);
+  constexpr double lost = 1e7;  // of the energies: as single precision rounds
+  if (const CellLevel& finest = answer.cells->finest(); finest.support_energy > lost * finest.strain_energy)
+    result.warnings.push_back(fmt::format(
+        "{}springs store {:.2g} times the energy of the body: its stresses may be lost in rounding; hold it "
+        "by stiffer ones, or prescribe displacements",
+        of, finest.support_energy / finest.strain_energy));
+  balance(answer, of, result);
+}
+
 }  // namespace
 
 std::vector<const ImageAnswer*> ImageResult::answers() const {
   std::vector<const ImageAnswer*> all{this};
   for (const ImageAnswer& answer : more) all.push_back(&answer);
+  return all;
+}
+std::vector<ImageAnswer*> ImageResult::answers() {
+  std::vector<ImageAnswer*> all{this};
+  for (ImageAnswer& answer : more) all.push_back(&answer);
   return all;
 }
 
@@ -215,30 +249,39 @@ std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>&
 
 std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& settings,
                                          const Monitor& watching) {
-  if (!why_image_takes_mesh(source, settings).empty()) return {};
+  const CommonSettings<3>& common = settings.common;
+  const auto left_to_mesh = [&](const std::string& why) {
+    if (settings.cells == OnCells::always)
+      throw InputError(
+          said_at(where_said(common, "basis.kind"), fmt::format("basis.kind = \"cells\" does not do here: {}", why)));
+    return std::optional<ImageResult>();
+  };
+  if (const std::string why = why_image_takes_mesh(source, settings); !why.empty()) return left_to_mesh(why);
   ImageResult result;
   const Monitor monitor = watching.timing(result.times);
   const double cpu_start = process_cpu_seconds();
-  const CommonSettings<3>& common = settings.common;
   std::optional<Stage> reading(std::in_place, "image", monitor);
   MadeImage<3> made = located(common, source.where, [&] { return source.image(*reading); });
   result.image = std::make_shared<const LabelImage<3>>(std::move(made.image));
   const LabelImage<3>& image = *result.image;
-  const Regions regions(made.region_of_label);
-  const std::vector<SharedMaterial> materials = materials_by_region(common, regions);
+  number_regions(made.region_of_label, result);
+  result.materials = materials_by_region(common, result.regions);
   const double said = mesh_size(source, common), size = said > 0.0 ? said : 2.0 * image.spacing.minCoeff();
-  std::string why = why_materials_take_mesh(image, regions, materials);
+  if (const double longest = lengths_of(image).maxCoeff(); size > longest)
+    throw InputError(said_at(source.where, fmt::format("geometry.mesh_size = {:.6g}: cells would be larger than the "
+                                                       "image, which is {:.6g} long",
+                                                       size, longest)));
+  std::string why = why_materials_take_mesh(result);
   if (why.empty()) {
     result.facets = image_parts(settings, image);
     why = why_supports_take_mesh(image, settings, result.facets);
   }
   if (!why.empty()) {
-    if (monitor.say)
+    if (monitor.say && settings.cells != OnCells::always)
       monitor.say(fmt::format("not on cells, as {}: a mesh of about {:.2g} tetrahedra takes more time and memory", why,
                               tetrahedra(image, size)));
-    return {};
+    return left_to_mesh(why);
   }
-  result.regions = regions.names;
   result.reports = std::move(made.reports);
   result.parts = describe_parts(settings, image, result.facets);
   check_probes_of_image(settings, image);
@@ -251,41 +294,41 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
   }
 
   std::vector<SharedMaterial> of_label;
-  for (const Index region : regions.of_label) of_label.push_back(region < 0 ? SharedMaterial() : materials[region]);
-  const GridProblem problem{image, of_label, result.facets, cases_by_label(settings, regions), size, said > 0.0};
+  for (const Index region : result.region_of_label)
+    of_label.push_back(region < 0 ? SharedMaterial() : result.materials[region]);
+  const GridProblem problem{image, of_label, result.facets, cases_by_label(settings, result), size, said > 0.0};
   result.more.resize(problem.cases.size() - 1);
-  const auto answer_to = [&](std::size_t k) -> ImageAnswer& { return k == 0 ? result : result.more[k - 1]; };
-  const auto take = [&](std::vector<CellSolution> solutions) {
-    for (std::size_t k = 0; k < solutions.size(); ++k) {
-      ImageAnswer& answer = answer_to(k);
-      answer.estimates = estimates_on_cells(solutions[k]);
-      answer.solution.strain_energy = solutions[k].finest().strain_energy;
-      answer.cells = std::move(solutions[k]);
-    }
-  };
-  const auto tell_all = [&] {
-    const Stage stage("output", monitor);
-    for (std::size_t k = 0; k < problem.cases.size(); ++k) tell(settings, image, regions, materials, answer_to(k));
-  };
-  located(common, common.where, [&] { search_grid(settings, problem, take, tell_all, result, monitor); });
-  for (std::size_t k = 0; k < problem.cases.size(); ++k) {
-    ImageAnswer& answer = answer_to(k);
-    if (!std::isfinite(answer.solution.strain_energy) || !answer.by_cell.stress.allFinite())
-      throw NumericalError("the answer is not finite: moduli, loads or lengths leave the range of double precision");
-    judge_grid(settings, *answer.estimates, result.warnings, result.refusal);
-    constexpr double lost = 1e7;  // of the energies: as single precision rounds
-    if (const CellLevel& finest = answer.cells->finest(); finest.support_energy > lost * finest.strain_energy)
-      result.warnings.push_back(fmt::format(
-          "springs store {:.2g} times the energy of the body: its stresses may be lost in rounding; hold it "
-          "by stiffer ones, or prescribe displacements",
-          finest.support_energy / finest.strain_energy));
-    balance(materials, answer, k == 0 ? "" : fmt::format("case \"{}\": ", settings.cases[k].name), result);
-    answer.utilisations = largest_utilisations(common, result.regions, answer.by_cell);
+  const auto tell_one = [&](ImageAnswer& answer) { tell(settings, result, answer); };
+  located(common, common.where, [&] { search_grid(settings, problem, tell_one, result, monitor); });
+  const auto answers = result.answers();
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    const std::string of = settings.cases.empty() ? "" : fmt::format("case \"{}\": ", settings.cases[k].name);
+    judge_answer(settings, of, *answers[k], result);
+    answers[k]->utilisations = largest_utilisations(common, result.regions, answers[k]->by_cell);
   }
   result.warnings.insert(result.warnings.end(), made.warnings.begin(), made.warnings.end());
   result.cpu_seconds = process_cpu_seconds() - cpu_start;
   if (watching.times) watching.times->add(result.times);
   return result;
+}
+
+FieldsOnMesh fields_on_mesh(const MeshSource<3>& source, const Settings<3>& settings, const ImageResult& result,
+                            const Monitor& monitor) {
+  Settings<3> without_probes = settings;  // these are of voxels, whose mesh is smooth
+  without_probes.probes.clear();
+  FieldsOnMesh on_mesh{prepare(source, without_probes, monitor).mesh, {}};
+  const FineMesh<3>& mesh = *on_mesh.mesh;
+  std::vector<Index> region_of_label(result.region_of_label.size(), -1);
+  std::vector<SharedMaterial> materials;
+  for (const std::string& name : mesh.region_names()) {
+    const auto region = std::ranges::find(result.regions, name) - result.regions.begin();
+    for (std::size_t label = 0; label < region_of_label.size(); ++label)
+      if (result.region_of_label[label] == region) region_of_label[label] = static_cast<Index>(materials.size());
+    materials.push_back(result.materials[region]);
+  }
+  for (const ImageAnswer* answer : result.answers())
+    on_mesh.fields.push_back(recover_fields(*answer->cells, *result.image, mesh, region_of_label, materials));
+  return on_mesh;
 }
 
 }  // namespace efree

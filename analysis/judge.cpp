@@ -122,19 +122,21 @@ template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& r
 
 /// Warns of an error in the energy norm, or refuses an answer with it.
 template <int Dim> void judge_error(const Settings<Dim>& settings, double error, const std::string& what,
-                                    std::vector<std::string>& warnings, std::string& refusal) {
-  if (error < settings.largest_error)
-    warnings.push_back(fmt::format("in the energy norm {}", what));
+                                    const std::string& of, std::vector<std::string>& warnings, std::string& refusal) {
+  const std::string text = fmt::format("{}in the energy norm {}", of, what);
+  if (error < settings.largest_error || !refusal.empty())
+    warnings.push_back(text);
   else
-    refusal = fmt::format("in the energy norm {}; to accept it say analysis.largest_error = {:.2g}", what, 1.1 * error);
+    refusal = fmt::format("{}; to accept it say analysis.largest_error = {:.2g}", text, 1.1 * error);
 }
 
-void judge_grid(const Settings<3>& settings, const Estimates& errors, std::vector<std::string>& warnings,
-                std::string& refusal) {
-  if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
+void judge_grid(const Settings<3>& settings, const Estimates& errors, const std::string& of,
+                std::vector<std::string>& warnings, std::string& refusal) {
+  const double bearable = settings.accuracy > 0.0 ? settings.accuracy : bearable_error_of_grid;
+  if (errors.total() <= std::min(bearable, settings.largest_error)) return;
   judge_error(settings, errors.total(),
               fmt::format("the grid leaves an error of about {:.2g} %: use a smaller mesh_size", 100.0 * errors.mesh),
-              warnings, refusal);
+              of, warnings, refusal);
 }
 
 template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result) {
@@ -143,8 +145,6 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
   if (!result.estimates || !result.refusal.empty()) return;
   const Estimates& errors = *result.estimates;
   if (errors.total() < std::min(bearable_error(settings), settings.largest_error)) return;
-  if constexpr (Dim == 3)
-    if (result.cells) return judge_grid(settings, errors, result.warnings, result.refusal);
   const std::string what =
       errors.geometry > std::max(errors.mesh, errors.cloud)
           ? fmt::format("the facets of the boundary leave an error of about {:.2g} %: use a smaller mesh_size",
@@ -156,7 +156,7 @@ template <int Dim> void judge(const Settings<Dim>& settings, Result<Dim>& result
                 100.0 * errors.cloud)
           : fmt::format("the fine mesh leaves an error of about {:.2g} %: use a smaller mesh_size{}",
                         100.0 * errors.mesh, or_quadratic(settings, result));
-  judge_error(settings, errors.total(), what, result.warnings, result.refusal);
+  judge_error(settings, errors.total(), what, "", result.warnings, result.refusal);
 }
 
 template std::vector<std::string> doubts<2>(const ApproximationOptions&, const Approximation<2>&);

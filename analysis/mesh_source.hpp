@@ -27,8 +27,6 @@ template <int Dim> struct MadeMesh {
   std::vector<std::string> remarks{};                       ///< the same in words
   std::vector<std::string> warnings{};                      ///< what makes results on this mesh doubtful
   double size = 0.0;                                        ///< it was made with; 0: with the file's own sizes
-  std::shared_ptr<const LabelImage<Dim>> image{};           ///< that a lattice was cut out of; else none
-  std::map<Label, std::string> region_of_label{};           ///< of the image: names of the mesh's regions
   std::optional<BoundaryOffsets<Dim>> boundary{};           ///< where the true surface is known, or guessed
   /// The true surface is not known, and is taken to be smooth where facets meet at small angles: `boundary` is that, or
   /// smooth_offsets. A finer mesh does not always come closer to it.

@@ -243,8 +243,6 @@ PreparedMesh<Dim> internal::prepare_mesh(const MeshSource<Dim>& source, const Co
       result.reports = std::move(made.reports);
       result.remarks = std::move(made.remarks);
       result.warnings = std::move(made.warnings);
-      result.image = std::move(made.image);
-      result.region_of_label = std::move(made.region_of_label);
       // Functions of moving least squares would smear the strain's jump across an interface; finite elements have it.
       const bool parted = settings.approximation.kind == BasisKind::mls;
       return FineMesh<Dim>(parted ? cut_regions(std::move(made.mesh)) : std::move(made.mesh));
@@ -253,7 +251,6 @@ PreparedMesh<Dim> internal::prepare_mesh(const MeshSource<Dim>& source, const Co
     mesh = with_parts(source, settings, std::move(mesh), result.open_interface);
     if (static_settings) mesh = without_free_bodies(*static_settings, std::move(mesh), result);
     if (result.size == 0.0) result.size = mesh.size();
-    result.size_is_said = source.says_its_size();
     result.surface_is_known = boundary.has_value() && !smooth;
     if (!boundary && smooth) boundary = smooth_offsets(mesh);
     if (boundary) result.offsets = facet_offsets(mesh, *boundary);

@@ -6,7 +6,6 @@
 #include "efree/analysis/settings.hpp"
 #include "efree/core/monitor.hpp"
 
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,11 +23,8 @@ struct BoundaryPart {
 template <int Dim> struct PreparedMesh {
   std::shared_ptr<const FineMesh<Dim>> mesh;
   double size = 0.0;                      ///< edges it was made with; the longest of a file with sizes of its own
-  bool size_is_said = false;              ///< and no other may be taken
   std::vector<SharedMaterial> materials;  ///< by region of the mesh
   std::vector<Parameter> densities;       ///< likewise; empty if nothing asks for them
-  std::shared_ptr<const LabelImage<Dim>> image;  ///< whose lattice the mesh was cut out of; else none
-  std::map<Label, std::string> region_of_label;  ///< of the image: names of regions
   Matrix offsets;  ///< of the facets from the true surface (facet_offsets); empty: the facets are the surface
   bool surface_is_known = false;    ///< by its source; else the offsets are guessed from angles, or none
   std::string open_interface;       ///< part along which regions are not tied; empty: tied wherever they touch

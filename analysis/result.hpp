@@ -5,7 +5,6 @@
 #include "efree/analysis/prepare.hpp"
 #include "efree/analysis/steps.hpp"
 #include "efree/assembly/loads.hpp"
-#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <cmath>
 #include <map>
@@ -131,7 +130,6 @@ template <int Dim> struct Result : Answer<Dim> {
   Approximation<Dim> approximation;           ///< shares the mesh
   /// Finite elements of the fine mesh that `solution` belongs to if it is corrected; else it is of `approximation`.
   std::optional<Approximation<Dim>> elements;
-  std::optional<CellSolution> cells;  ///< if it was solved on cells; then `approximation` is a space only
   /// What `solution` and `fields` belong to.
   const Approximation<Dim>& basis() const { return elements ? *elements : approximation; }
 
@@ -145,8 +143,8 @@ template <int Dim> struct Result : Answer<Dim> {
   std::vector<BoundaryPart> parts;                        ///< of the boundary
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
 
-  /// If an accuracy was asked for, on cells, and of load paths that leave their functions open: in order. The answer is
-  /// that of the smallest error, on cells and of load paths the last.
+  /// If an accuracy was asked for, and of load paths that leave their functions open: in order. The answer is
+  /// that of the smallest error, of load paths the last.
   std::vector<Attempt> attempts;
 
   /// Of an analysis through time: every step; then the fields are those of the last.

@@ -80,11 +80,11 @@ struct Goal {
   std::string name;
   double error;
 };
-/// Whether an image in space is solved on a grid of cells (solve_on_cells), not by a cloud.
+/// Whether an image in space is left to the grid of its voxels (analyse_image), not to a mesh (analyse).
 enum class OnCells {
-  automatic,  ///< where it can be, if nothing is said of a cloud
+  automatic,  ///< analyse_image answers where it can be, if nothing is said of a cloud
   never,
-  always,
+  always,  ///< analyse_image throws where it cannot be, and analyse does
 };
 
 /// How much of what materials can do is modelled.

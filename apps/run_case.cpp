@@ -124,7 +124,7 @@ template <int Dim> class StaticRun final : public CaseRun {
       };
       const auto write_all = [&] {
         write_fields(out.file("fields.vtu"), case_, result);
-        if (!result.cells) write_nodes(out.file("nodes.vtu"), result);
+        write_nodes(out.file("nodes.vtu"), result);
       };
       // Both only read the result.
       parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write_all() : draw(); });
@@ -149,18 +149,20 @@ class ImageRun final : public CaseRun {
   ImageRun(const Case<3>& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
 
   const std::string& title() const override { return case_.common.title; }
-  std::vector<std::string> stages() const override { return {"image", "assembly", "solve", "output"}; }
+  std::vector<std::string> stages() const override { return {"image", "assembly", "solve", "mesh", "output"}; }
   bool stops_at_steps() const override { return false; }
   bool has_few_steps() const override { return true; }
 
   RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
-    std::optional<ImageResult> result = analyse_image(case_.geometry, case_, monitor);
+    std::optional<ImageResult> result = analyse_image(case_, monitor);
     if (!result) {
       takes_mesh_ = true;
       return {};
     }
     for (const std::string& line : describe_result(case_, *result)) monitor.say(line);
     say_warnings(result->warnings, display);
+    std::optional<FieldsOnMesh> on_mesh;
+    if (case_.with_mesh) on_mesh = fields_on_mesh(case_.geometry, case_, *result, monitor.timing(result->times));
     {
       const Stage stage("output", monitor.timing(result->times));
       for (const char* other : {"fields.png", "error.png", "history.png", "history.csv", "fields.vtu", "nodes.vtu"})
@@ -170,6 +172,7 @@ class ImageRun final : public CaseRun {
       parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) {
         task == 0 ? write_fields(fields, case_, *result) : draw_fields(picture, case_, *result);
       });
+      if (on_mesh) write_on_mesh(out.file("fields.vtu"), *on_mesh);
     }
     write_result(out.file("result.json"), case_, *result);
     return {.failure = result->refusal, .rejected_by = result->refusal.empty() ? "" : "solve", .has_results = true};
@@ -181,6 +184,12 @@ class ImageRun final : public CaseRun {
   bool takes_mesh() const { return takes_mesh_; }
 
  private:
+  void write_on_mesh(const std::filesystem::path& file, const FieldsOnMesh& on_mesh) const {
+    std::vector<const Fields<3>*> by_case;
+    for (const Fields<3>& fields : on_mesh.fields) by_case.push_back(&fields);
+    write_fields<3>(file, case_, FineSpace<3>(on_mesh.mesh, 1), by_case);
+  }
+
   const Case<3>& case_;
   const RunOptions& options_;
   bool takes_mesh_ = false;
@@ -351,9 +360,10 @@ void run_into_directory(CaseRun& run, const RunOptions& options, Display& displa
 template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display) {
   std::string remark;
   if constexpr (Dim == 3)
-    if (!options.resume && !analysis.with_mesh && analysis.geometry.image && analysis.cells != OnCells::never) {
+    if (!options.resume && (analysis.geometry.image || analysis.cells == OnCells::always) &&
+        analysis.cells != OnCells::never) {
       const std::string why = why_image_takes_mesh(analysis.geometry, analysis);
-      if (why.empty()) {
+      if (why.empty() || analysis.cells == OnCells::always) {
         ImageRun run(analysis, options);
         run_into_directory(run, options, display);
         if (!run.takes_mesh()) return;

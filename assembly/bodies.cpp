@@ -2,6 +2,7 @@
 #include "efree/assembly/bodies.hpp"
 
 #include "efree/assembly/internal/boundary_points.hpp"
+#include "efree/assembly/internal/rigid_motions.hpp"
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/core/internal/disjoint_sets.hpp"
 #include "efree/core/internal/spectrum.hpp"
@@ -16,66 +17,8 @@
 namespace efree {
 namespace {
 
-using internal::BoundaryPoint;
-using internal::for_each_point;
-
-/// Rigid motions of Dim dimensions: translations along the axes, then rotations about them (one in the plane).
-template <int Dim> constexpr int rigid_motions = Dim*(Dim + 1) / 2;
-template <int Dim> using Motion = Eigen::Matrix<double, rigid_motions<Dim>, 1>;
-
-/// Displacement along d, at `arm` from the centre, of each rigid motion; rotations by 1/radius.
-template <int Dim> Motion<Dim> motion_along(const Vec<Dim>& d, const Vec<Dim>& arm, double radius) {
-  Motion<Dim> motion;
-  motion.template head<Dim>() = d;
-  if constexpr (Dim == 2)
-    motion[2] = (arm.x() * d.y() - arm.y() * d.x()) / radius;
-  else
-    motion.template tail<3>() = arm.cross(d) / radius;
-  return motion;
-}
-
-/// Names of motions that span the columns of `free` (orthonormal): translations along axes first, then the rest.
-template <int Dim> std::vector<std::string> motion_names(const Matrix& free, const Vec<Dim>& centre, double radius) {
-  std::vector<std::string> names;
-  const auto is_free = [&](const Motion<Dim>& motion) {
-    return free.cols() > 0 && (motion - free * (free.transpose() * motion)).norm() < 1e-4 * motion.norm();
-  };
-  Matrix rest = free;  // the named translations are taken out
-  const char* axes = "xyz";
-  for (int i = 0; i < Dim; ++i)
-    if (is_free(Motion<Dim>::Unit(i))) {
-      names.push_back(fmt::format("translation along {}", axes[i]));
-      rest.row(i).setZero();
-    }
-  if (Dim == 2 && free.cols() == rigid_motions<Dim>) return {names[0], names[1], "rotation"};
-  if (Dim == 3)
-    for (int i = 0; i < 3; ++i)
-      if (is_free(Motion<Dim>::Unit(Dim + i))) {
-        names.push_back(fmt::format("rotation about an axis along {}", axes[i]));
-        rest.row(Dim + i).setZero();
-      }
-  const Index missing = free.cols() - static_cast<Index>(names.size());
-  if (missing <= 0) return names;
-  // What is left has no axis of its own: the dominant motions of the remainder.
-  const Matrix of_rest = internal::spectrum<Eigen::Dynamic>(rest * rest.transpose()).vectors;
-  for (Index k = 0; k < missing; ++k) {
-    const Motion<Dim> motion = of_rest.col(rigid_motions<Dim> - 1 - k);
-    const Vec<Dim> shift = motion.template head<Dim>();
-    const auto spin = motion.template tail<rigid_motions<Dim> - Dim>().eval();
-    if (spin.norm() <= 1e-6) {
-      names.push_back(fmt::format("translation along ({:.4g})", fmt::join(shift.normalized(), ", ")));
-    } else if constexpr (Dim == 2) {
-      const double rate = spin[0] / radius;
-      names.push_back(
-          fmt::format("rotation about ({:.4g}, {:.4g})", centre[0] - shift[1] / rate, centre[1] + shift[0] / rate));
-    } else {
-      const Vec<3> rate = spin / radius, at = centre + rate.cross(shift) / rate.squaredNorm();
-      names.push_back(fmt::format("rotation about the axis through ({:.4g}) along ({:.4g})", fmt::join(at, ", "),
-                                  fmt::join(rate.normalized(), ", ")));
-    }
-  }
-  return names;
-}
+using internal::BoundaryPoint, internal::Motion, internal::for_each_point, internal::motion_along,
+    internal::motion_names, internal::rigid_motions;
 
 /// Number of the body each component of the mesh belongs to, tied ones together, counted from 0.
 template <int Dim> std::vector<Index> tied_bodies(const FineMesh<Dim>& mesh, const std::vector<TiedFacets>& ties) {

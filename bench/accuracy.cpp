@@ -72,9 +72,35 @@ template <class Work> auto median_timed(const Work& work) {
   return std::pair(std::move(result), seconds[1]);
 }
 
-template <int Dim> double true_error(const Trial<Dim>& trial, const Result<Dim>& result) {
-  if (result.errors) return *result.errors->energy_norm;
-  return std::sqrt(std::abs(result.solution.strain_energy / trial.energy - 1.0));
+/// Of an analysis, on cells or on a mesh, what is compared.
+struct Outcome {
+  double strain_energy, extrapolated, said;  ///< energies; estimated error in the energy norm
+  std::optional<double> error;               ///< in the energy norm, where an exact solution is known
+  std::vector<Attempt> attempts;
+  bool on_cells;
+};
+template <int Dim> Outcome answer(const Case<Dim>& analysis) {
+  if constexpr (Dim == 3)
+    if (analysis.cells == OnCells::always) {
+      const ImageResult found = analyse_image(analysis).value();
+      return {found.solution.strain_energy,
+              found.cells->extrapolated_energy,
+              found.estimates->total(),
+              {},
+              found.attempts,
+              true};
+    }
+  const Result<Dim> found = analysis.asks_for_accuracy() ? analyse_to_accuracy(analysis) : analyse(analysis);
+  return {found.solution.strain_energy,
+          found.solution.strain_energy,
+          found.estimates ? found.estimates->total() : 0.0,
+          found.errors ? std::optional(*found.errors->energy_norm) : std::nullopt,
+          found.attempts,
+          false};
+}
+
+template <int Dim> double true_error(const Trial<Dim>& trial, const Outcome& outcome) {
+  return outcome.error.value_or(std::sqrt(std::abs(outcome.strain_energy / trial.energy - 1.0)));
 }
 
 struct Setting {
@@ -115,7 +141,7 @@ std::vector<Rung> ladder(const Trial<Dim>& trial, const Setting& setting, double
   for (double size = (Dim == 2 ? 8.0 : 4.0) * trial.natural;; size /= 1.4) {
     try {
       const auto [result, seconds] =
-          timed([&] { return analyse(fixed_case(trial, setting, size, std::min(0.01, 0.3 * finest))); });
+          timed([&] { return answer(fixed_case(trial, setting, size, std::min(0.01, 0.3 * finest))); });
       rungs.push_back({size, true_error(trial, result), seconds});
     } catch (const std::exception& error) {  // some meshes are too coarse for the geometry
       std::fprintf(stderr, "%s, size %g: %s\n", setting.name, size, error.what());
@@ -151,19 +177,19 @@ template <int Dim> void tabulate(const std::string& name, const Trial<Dim>& tria
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
     analysis.time_limit = 5.0 * most_seconds;
-    const auto [result, seconds] = timed([&] { return analyse_to_accuracy(analysis); });
+    const auto [result, seconds] = timed([&] { return answer(analysis); });
     std::string chosen;
     for (const Attempt& attempt : result.attempts) {
       char text[100];
       std::snprintf(text, sizeof text, "%s%s %.3g: %.2g %%", chosen.empty() ? "" : ", ",
-                    result.cells          ? "cells"
+                    result.on_cells       ? "cells"
                     : attempt.degree == 1 ? "linear"
                                           : "quadratic",
                     attempt.size, 100.0 * attempt.error);
       chosen += text;
     }
     std::fprintf(stderr, "%s, %g: %s; %g s\n", name.c_str(), wanted, chosen.c_str(), seconds);
-    rows.push_back({wanted, result.estimates->total(), true_error(trial, result), seconds, chosen});
+    rows.push_back({wanted, result.said, true_error(trial, result), seconds, chosen});
     finest = std::min(finest, rows.back().truth);
   }
   std::vector<std::vector<Rung>> ladders;
@@ -204,23 +230,23 @@ template <int Dim> void race(const std::string& name, const Trial<Dim>& trial, d
     if (k == elements && !rungs.empty()) most_seconds = std::min(most_seconds, rungs.back().seconds);
     for (Rung& rung : rungs)
       rung.seconds =
-          median_timed([&] { return analyse(fixed_case(trial, settings[k], rung.size, 0.3 * finest)); }).second;
+          median_timed([&] { return answer(fixed_case(trial, settings[k], rung.size, 0.3 * finest)); }).second;
     ladders.push_back(std::move(rungs));
   }
   for (const double energy : energies) {
     const double wanted = std::sqrt(energy);
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
-    const auto [result, seconds] = median_timed([&] { return analyse_to_accuracy(analysis); });
+    const auto [result, seconds] = median_timed([&] { return answer(analysis); });
     const double truth = true_error(trial, result);
     int best = 0;
     for (int k = 1; k < fixed; ++k)
       if (cost(ladders[k], wanted).seconds < cost(ladders[best], wanted).seconds) best = k;
     const Rung p2 = cost(ladders[elements], wanted), cheapest = cost(ladders[best], wanted);
     std::printf("| %s | %g | %.2g | %.2g | %zu | %.3g | %s %.3g | %.3g | %.3g | %.3g | %.2f |\n", name.c_str(),
-                100.0 * energy, 100.0 * result.estimates->total() * result.estimates->total(), 100.0 * truth * truth,
-                result.attempts.size(), seconds, settings[best].name, cheapest.size, cheapest.seconds, p2.size,
-                p2.seconds, seconds / p2.seconds);
+                100.0 * energy, 100.0 * result.said * result.said, 100.0 * truth * truth, result.attempts.size(),
+                seconds, settings[best].name, cheapest.size, cheapest.seconds, p2.size, p2.seconds,
+                seconds / p2.seconds);
     std::fflush(stdout);
   }
 }
@@ -237,7 +263,7 @@ void list_fixed(const std::string& name, const Trial<Dim>& trial, double most_se
   for (double wanted = asked[0]; wanted > 0.99 * finest; wanted /= 1.4) {
     Case<Dim> analysis = trial.analysis;
     analysis.accuracy = wanted;
-    const auto [result, seconds] = timed([&] { return analyse_to_accuracy(analysis); });
+    const auto [result, seconds] = timed([&] { return answer(analysis); });
     std::printf("| %s | asked for %.3g %% | %.3g | %.3g | %.3g |\n", name.c_str(), 100.0 * wanted,
                 result.attempts.back().size, 100.0 * true_error(trial, result), seconds);
     std::fflush(stdout);
@@ -252,12 +278,12 @@ template <int Dim> void find_truth(const std::string& name, const Trial<Dim>& tr
   for (int k = 0; k < 3; ++k) {
     const Case<Dim> analysis = fixed_case(trial, settings[on_cells ? 6 : 1], trial.truth_size / (1 << k), 1e-3);
     const double start = cpu_seconds();
-    const auto result = analyse(analysis);
-    energies[k] = result.solution.strain_energy;
+    const Outcome result = answer(analysis);
+    energies[k] = result.strain_energy;
     std::printf("%s, size %g: %.10g, %g s\n", name.c_str(), analysis.geometry.size, energies[k], cpu_seconds() - start);
     std::fflush(stdout);
     if (on_cells) {
-      std::printf("%s, extrapolated: %.10g\n", name.c_str(), result.cells->extrapolated_energy);
+      std::printf("%s, extrapolated: %.10g\n", name.c_str(), result.extrapolated);
       return;
     }
   }
@@ -305,12 +331,10 @@ Case<3> pulled(const LabelImage<3>& image) {
   analysis.geometry.mesh = [image](const MeshSize& size, const Stage&) {
     MadeMesh<3> made;
     made.size = size.length > 0.0 ? size.length : 4.0;
-    LatticeMesh on_lattice = mesh_on_lattice(image, {.size = made.size});
-    made.mesh = std::move(on_lattice.mesh);
-    made.image = std::make_shared<const LabelImage<3>>(image);
-    made.region_of_label[1] = "1";
+    made.mesh = std::move(mesh_on_lattice(image, {.size = made.size}).mesh);
     return made;
   };
+  analysis.geometry.image = [image](const Stage&) { return MadeImage<3>{image, {{1, "1"}}}; };
   analysis.cells = OnCells::always;
   return analysis;
 }

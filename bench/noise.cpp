@@ -93,16 +93,13 @@ std::filesystem::path write_case(const std::string& name, Index n, int degree) {
 
 void study_defaults(const std::string& name, Index n, int degree, bool quarters) {
   auto analysis = std::get<Case<3>>(read_case(write_case(name, n, degree)));
-  const PreparedMesh<3> mesh = prepare(analysis);
-  for (const std::string& remark : mesh.remarks) std::fprintf(stderr, "%s\n", remark.c_str());
-  const Result<3> result = analyse(mesh, analysis);
-  const double peak = peak_memory_mb();
-  if (result.cells) {
-    std::vector<SharedMaterial> materials{{}};
-    for (const auto& material : analysis.common.materials) materials.push_back(material.material);
-    if (materials.size() == 1) materials.push_back(analysis.common.model.material);
+  if (const auto found = analyse_image(analysis)) {
+    const double peak = peak_memory_mb();
+    std::vector<SharedMaterial> materials;
+    for (const Index region : found->region_of_label)
+      materials.push_back(region < 0 ? SharedMaterial() : found->materials[region]);
     const auto on_cells = [&](double size) {
-      return solve_on_cells(*mesh.image, materials, analysis.supports, analysis.loads, {.size = size});
+      return solve_on_cells(*found->image, materials, analysis.supports, analysis.loads, {.size = size});
     };
     const CellSolution fine = on_cells(1.0), finer = on_cells(0.5);
     std::optional<CellSolution> finest;
@@ -118,14 +115,18 @@ void study_defaults(const std::string& name, Index n, int degree, bool quarters)
     std::printf(
         "| image | voxels | cells of | number | energy | off [%%] | extrapolated off [%%] | said [%%] | true [%%] | "
         "ratio | iterations | half a voxel [%%] | CPU [s] |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
-    line("default", *result.cells, result.cpu_seconds);
+    line("default", *found->cells, found->cpu_seconds);
     line("1", fine, 0.0);
     line("1/2", finer, 0.0);
     if (finest) line("1/4", *finest, 0.0);
-    std::printf("default: %.0f MiB, warnings: %zu%s\n", peak, result.warnings.size(),
-                result.refusal.empty() ? "" : ", refused");
+    std::printf("default: %.0f MiB, warnings: %zu%s\n", peak, found->warnings.size(),
+                found->refusal.empty() ? "" : ", refused");
     return;
   }
+  const PreparedMesh<3> mesh = prepare(analysis);
+  for (const std::string& remark : mesh.remarks) std::fprintf(stderr, "%s\n", remark.c_str());
+  const Result<3> result = analyse(mesh, analysis);
+  const double peak = peak_memory_mb();
   const Estimates& said = *result.estimates;
 
   const auto alone = ElasticSolver<3>(result.approximation, result.model, analysis.supports).solve(analysis.loads);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The ways to an answer: a cloud, quadratic elements alone, a grid of cells, steps through time.
+/// The ways to an answer: a cloud, quadratic elements alone, steps through time.
 #pragma once
 
 #include "efree/analysis/result.hpp"
@@ -54,14 +54,5 @@ template <int Dim> bool chooses_path(const MeshSource<Dim>& source, const Settin
 /// material flows, a cloud.
 template <int Dim> Result<Dim> analyse_chosen_path(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural,
                                                    const Settings<Dim>& settings, const Monitor& monitor);
-
-/// Linear elasticity on a grid as fine as the lattice of the mesh, which only carries the fields. Where nobody
-/// said how fine that is, grids of half the edges follow until the error is bearable: down to the voxels, to half of
-/// them if the answer were refused else, or as far as an accuracy that is asked for takes it.
-void answer_on_cells(const Settings<3>& settings, const PreparedMesh<3>& mesh, Result<3>& result,
-                     const Monitor& monitor);
-
-/// Whether an analysis runs on cells. Throws InputError if it should be, but cannot.
-template <int Dim> bool is_on_cells(const Settings<Dim>& settings, const PreparedMesh<Dim>& mesh);
 
 }  // namespace efree::internal

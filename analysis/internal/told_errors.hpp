@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <functional>
 

@@ -5,6 +5,7 @@
 #include "efree/analysis/analyse.hpp"
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/effective.hpp"
+#include "efree/analysis/image_analysis.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <cstdint>
@@ -69,7 +70,11 @@ inline PreparedMesh<3> prepare(const EffectiveCase& analysis, const Monitor& mon
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return analyse(analysis.geometry, analysis, monitor);
 }
-/// On as many as it takes.
+/// Without a mesh, on the grid of its image.
+inline std::optional<ImageResult> analyse_image(const Case<3>& analysis, const Monitor& monitor = {}) {
+  return analyse_image(analysis.geometry, analysis, monitor);
+}
+/// On as many meshes as it takes.
 template <int Dim> Result<Dim> analyse_to_accuracy(const Case<Dim>& analysis, const Monitor& monitor = {}) {
   return analyse_to_accuracy(analysis.geometry, analysis, monitor);
 }

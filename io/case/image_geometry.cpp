@@ -148,8 +148,6 @@ std::function<MadeMesh<Dim>(const MeshSize&)> image_mesh(const Section& geometry
     if constexpr (Dim == 3)
       if (sized.mesher == Mesher::lattice) {
         LatticeMesh on_lattice = mesh_on_lattice(labels, sized);
-        made.region_of_label = regions_of(labels, sized.names);
-        made.image = std::make_shared<const LabelImage<3>>(std::move(labels));
         made.mesh = std::move(on_lattice.mesh);
         report_lost(on_lattice.lost, made);
         if (largest_only && on_lattice.lost.broken_off > 0) {

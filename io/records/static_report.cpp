@@ -12,7 +12,6 @@ namespace {
 
 template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   const Estimates& estimates = *result.estimates;
-  if (result.cells) return internal::grid_text(*result.cells, estimates);
   const std::string of_facets =
       estimates.geometry > 0.0 ? fmt::format(", {:.2g} % of the facets of the boundary", 100.0 * estimates.geometry)
                                : "";

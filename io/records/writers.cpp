@@ -200,17 +200,18 @@ void write_fields(const std::filesystem::path& file, const FineSpace<Dim>& space
   write_grid(file, grid);
 }
 
-template <int Dim>
-void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
-  const FineSpace<Dim>& space = result.basis().space;
-  const vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
-  const auto add = [&](const Fields<Dim>& fields, const std::string& of) {
-    add_fields(grid, space, fields, of);
-    if (const Vector utilised = utilisation_at_places(settings.common, space, fields); utilised.size() > 0)
+namespace {
+
+/// Fields of all load cases, and what is held and loaded.
+template <int Dim> vtkNew<vtkUnstructuredGrid> grid_with(const Settings<Dim>& settings, const FineSpace<Dim>& space,
+                                                         const std::vector<const Fields<Dim>*>& by_case) {
+  vtkNew<vtkUnstructuredGrid> grid = grid_of(space);
+  for (std::size_t k = 0; k < by_case.size(); ++k) {
+    const std::string of = k == 0 ? "" : settings.cases[k].name + ": ";
+    add_fields(grid, space, *by_case[k], of);
+    if (const Vector utilised = utilisation_at_places(settings.common, space, *by_case[k]); utilised.size() > 0)
       add_derived(grid, of + "utilisation", utilised.transpose(), {""});
-  };
-  add(result.fields, "");
-  for (std::size_t k = 0; k < result.more.size(); ++k) add(result.more[k].fields, settings.cases[k + 1].name + ": ");
+  }
   Matrix restrained = Matrix::Zero(1, space.size()), loaded = restrained;
   mark(space, settings.supports, restrained);
   for (const auto& loads : loads_by_case(settings)) {
@@ -223,6 +224,22 @@ void write_fields(const std::filesystem::path& file, const Settings<Dim>& settin
   };
   add_mark("restrained", restrained);
   add_mark("loaded", loaded);
+  return grid;
+}
+
+}  // namespace
+
+template <int Dim> void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings,
+                                     const FineSpace<Dim>& space, const std::vector<const Fields<Dim>*>& by_case) {
+  write_grid(file, grid_with(settings, space, by_case));
+}
+
+template <int Dim>
+void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
+  const FineSpace<Dim>& space = result.basis().space;
+  std::vector<const Fields<Dim>*> by_case{&result.fields};
+  for (const Answer<Dim>& answer : result.more) by_case.push_back(&answer.fields);
+  const vtkNew<vtkUnstructuredGrid> grid = grid_with(settings, space, by_case);
   if (result.instability.size() > 0)
     add_array(grid, "instability_mode", space.at_places(result.instability), {"x", "y", "z"});
   for (const auto& [name, values] : result.remembered) {
@@ -302,12 +319,9 @@ template <int Dim> void add_counts(const Result<Dim>& result, ordered_json& json
   const Approximation<Dim>& approximation = result.approximation;
   json["counts"] = {{"fine_vertices", result.mesh->num_vertices()},
                     {"fine_cells", result.mesh->num_cells()},
-                    {"regions", result.mesh->num_regions()}};
-  if (result.cells)
-    json["counts"]["cells"] = result.cells->finest().cells;
-  else
-    json["counts"].update(
-        {{"nodes", approximation.nodes.cols()}, {"quadrature_points", approximation.quadrature.size()}});
+                    {"regions", result.mesh->num_regions()},
+                    {"nodes", approximation.nodes.cols()},
+                    {"quadrature_points", approximation.quadrature.size()}};
   json["regions"] = result.mesh->region_names();
   json["boundaries"] = ordered_json::object();
   for (const auto& part : result.parts)
@@ -372,11 +386,8 @@ template <int Dim> void add_reports(const Settings<Dim>& settings, const Result<
   ApproximationOptions asked = settings.common.approximation;
   asked.dilatation = approximation.averaged ? Dilatation::averaged : Dilatation::pointwise;
   const bool has_cloud = approximation.shape.num_nodes() < approximation.space.size();
-  json["reports"]["basis"] = result.cells                         ? "cells"
-                             : has_cloud                          ? "mls"
-                             : result.basis().space.degree() == 1 ? "p1"
-                                                                  : "p2";
-  if (!result.cells && has_cloud && asked.secondary != SecondaryKind::full) {
+  json["reports"]["basis"] = has_cloud ? "mls" : result.basis().space.degree() == 1 ? "p1" : "p2";
+  if (has_cloud && asked.secondary != SecondaryKind::full) {
     const double vertices_per_node = static_cast<double>(result.mesh->num_vertices()) / approximation.nodes.cols();
     json["reports"]["ratio_asked"] = with_defaults<Dim>(asked, vertices_per_node).ratio;
     json["reports"]["ratio_reached"] = approximation.ratio();
@@ -398,7 +409,6 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (!result.history.empty()) add_path(result, json);
   if (result.errors) json["errors"] = errors_json(*result.errors);
   add_answer<Dim>(settings.common, result.basis().space, result, json);
-  if (result.cells) internal::add_grids(*result.cells, json);
   internal::add_attempts(result.attempts, json);
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)
@@ -444,6 +454,8 @@ template void write_mesh<3>(const std::filesystem::path&, const FineMesh<3>&);
 template void write_nodes<2>(const std::filesystem::path&, const Result<2>&);
 template void write_result<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
 template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template void write_fields<3>(const std::filesystem::path&, const Settings<3>&, const FineSpace<3>&,
+                              const std::vector<const Fields<3>*>&);
 template void write_fields<3>(const std::filesystem::path&, const FineSpace<3>&, const Fields<3>&);
 template void write_nodes<3>(const std::filesystem::path&, const Result<3>&);
 template void write_result<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);

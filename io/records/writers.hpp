@@ -23,6 +23,11 @@ std::string version();
 template <int Dim>
 void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
 
+/// Fields of all load cases on a space that carries parts of the boundary: the same but for error and what is
+/// remembered.
+template <int Dim> void write_fields(const std::filesystem::path& file, const Settings<Dim>& settings,
+                                     const FineSpace<Dim>& space, const std::vector<const Fields<Dim>*>& by_case);
+
 /// Fields of anyone's, on the space they are of: the same but for restrained, loaded and error. Throws InputError for
 /// fields of another size than the space.
 template <int Dim>

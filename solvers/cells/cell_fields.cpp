@@ -18,22 +18,6 @@ namespace {
 using internal::GridPoints, internal::NodalStrains, internal::Place, internal::RegionShare, internal::displacement_in,
     internal::place_of;
 
-/// Gradient of the displacement on the grid, du_c / dx_d, in the world's axes.
-Mat<3> slope_at(const CellSolution& solution, const GridPoints& points, const Place& place) {
-  Mat<3> slope = Mat<3>::Zero();
-  for (int a = 0; a < 8; ++a) {
-    const auto u = solution.displacement.col(
-        points.at(place.cell[0] + (a & 1), place.cell[1] + (a >> 1 & 1), place.cell[2] + (a >> 2)));
-    for (int d = 0; d < 3; ++d) {
-      double w = (a >> d & 1 ? 1.0 : -1.0) / points.grid.spacing[d];
-      for (int e = 0; e < 3; ++e)
-        if (e != d) w *= a >> e & 1 ? place.t[e] : 1.0 - place.t[e];
-      slope.col(d) += w * u;
-    }
-  }
-  return slope * solution.axes.transpose();
-}
-
 /// Averages of a region's part in the octants of the solution's cells.
 BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& image,
                            const std::vector<Index>& region_of_label, Index region) {
@@ -54,27 +38,6 @@ Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Ve
   const Points<3>& displacement = level == 0 ? solution.displacement : solution.levels[level].displacement;
   const GridPoints points{grid};
   return displacement_in(points, displacement, place_of(grid, solution.axes, x));
-}
-
-Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
-                       const std::vector<SharedMaterial>& materials) {
-  const GridPoints points{solution.grid};
-  const Materials<3> by_region(materials, Plane::strain);
-  Vector errors(mesh.num_cells());
-  parallel_for(mesh.num_cells(), [&](Index c) {
-    Place place = place_of(solution.grid, solution.axes, mesh.centroid(c));
-    Voigt<3> strain = strain_of<3>(slope_at(solution, points, place).reshaped());
-    if (solution.mean_dilatation) {
-      place.t.setConstant(0.5);
-      strain.head<3>().array() += (slope_at(solution, points, place).trace() - strain.head<3>().sum()) / 3.0;
-    }
-    Stiffness<3> room;
-    const auto& stiffness = by_region.stiffness(mesh.region(c), mesh.centroid(c), room);
-    Voigt<3> difference = -stiffness.C * strain;
-    for (int a = 0; a < 4; ++a) difference += 0.25 * fields.stress.col(mesh.cells()(a, c));
-    errors[c] = mesh.volume(c) * difference.dot(stiffness.S * difference);
-  });
-  return errors;
 }
 
 Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& image, const FineMesh<3>& mesh,

@@ -11,8 +11,9 @@
 
 namespace efree {
 
-/// Voxels by which a point may miss the material that it is meant to be in.
-inline constexpr int probe_reach = 2;
+/// Voxels by which a point may miss the material that it is meant to be in: as far as faces of voxels are from the
+/// surface that they stand for.
+inline constexpr int probe_reach = 1;
 
 /// The largest and the smallest value of something, and where they are; infinite, the wrong way round, where there was
 /// none.

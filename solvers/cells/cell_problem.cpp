@@ -2,14 +2,12 @@
 #include "efree/solvers/cells/internal/cell_problem.hpp"
 
 #include "efree/core/error.hpp"
-#include "efree/core/internal/spectrum.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cells/internal/cell_loads.hpp"
 #include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
 #include <fmt/format.h>
-#include <Eigen/Geometry>
 #include <cmath>
 #include <map>
 #include <numeric>
@@ -78,112 +76,12 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory
 
 }  // namespace
 
-void require_held(const CellProblem& problem, bool largest_is_held) {
-  Index most_cells = 0;
-  std::optional<Vec<3>> free;  // place of the largest body, if that may move
-  const CellGrid& grid = problem.grid;
-  const auto& n = grid.cells;
-  const auto index = [&](Index i, Index j, Index k) {
-    return i + static_cast<std::size_t>(n[0]) * (j + static_cast<std::size_t>(n[1]) * k);
-  };
-  const auto for_cells = [&](const std::array<Index, 3>& low, const std::array<Index, 3>& high, const auto& f) {
-    for (Index k = std::max(low[2], 0); k <= std::min(high[2], n[2] - 1); ++k)
-      for (Index j = std::max(low[1], 0); j <= std::min(high[1], n[1] - 1); ++j)
-        for (Index i = std::max(low[0], 0); i <= std::min(high[0], n[0] - 1); ++i) f(i, j, k);
-  };
-  std::vector<char> waiting(static_cast<std::size_t>(n[0]) * n[1] * n[2]), seen(grid.nodes(), 0);
-  for_cells({0, 0, 0}, n, [&](Index i, Index j, Index k) {
-    for (int q = 0; q < 8; ++q) waiting[index(i, j, k)] |= grid.moduli(i, j, k, q).shear > 0.0F;
-  });
-  using Motion = Eigen::Matrix<double, 6, 1>;  // translations and rotations
-  const std::size_t cases = problem.loads.size();
-  const Vec<3> middle = problem.local({n[0] / 2, n[1] / 2, n[2] / 2});
-  const double length = problem.edges.cwiseProduct(Vec<3>(n[0], n[1], n[2])).norm();
-  std::vector<std::array<Index, 3>> front;
-  const auto add_load = [&](std::vector<Motion>& to, std::size_t dof, const Motion& motion) {
-    for (std::size_t k = 0; k < cases; ++k)
-      if (!problem.loads[k].empty()) to[k] += problem.loads[k][dof] * motion;
-  };
-  for_cells({0, 0, 0}, n, [&](Index i0, Index j0, Index k0) {
-    if (!waiting[index(i0, j0, k0)]) return;
-    Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
-    std::vector<Motion> load(cases, Motion::Zero());
-    std::vector<double> forces(cases, 0.0);
-    Index cells = 0;
-    front.assign(1, {i0, j0, k0});
-    waiting[index(i0, j0, k0)] = 0;
-    while (!front.empty()) {
-      const auto [i, j, k] = front.back();
-      front.pop_back();
-      ++cells;
-      for (int a = 0; a < 8; ++a) {
-        const Index x = i + (a & 1), y = j + (a >> 1 & 1), z = k + (a >> 2);
-        const std::size_t node = grid.node(x, y, z);
-        if (seen[node]) continue;
-        seen[node] = 1;
-        const Vec<3> arm = (problem.local({x, y, z}) - middle) / length;
-        const auto motion_in = [&](const Vec<3>& direction) {
-          Motion motion;
-          motion << direction, arm.cross(direction);
-          return motion;
-        };
-        const ObliqueNode* at = problem.find_oblique(node);
-        if (const Mat<3> spring = problem.springs.stiffness_at(node); !spring.isZero(0.0)) {
-          Eigen::Matrix<double, 6, 3> motions;
-          for (int c = 0; c < 3; ++c) motions.col(c) = motion_in(Vec<3>::Unit(c));
-          held += motions * spring / spring.trace() * motions.transpose();
-        }
-        for (int c = 0; c < 3; ++c) {
-          const std::size_t dof = c * grid.nodes() + node;
-          const Vec<3> axis = Vec<3>::Unit(c);
-          if (at != nullptr) {
-            const Motion of_held = motion_in(axis - at->free * axis);
-            held += of_held * of_held.transpose();
-            add_load(load, dof, motion_in(at->free * axis));
-          } else if (problem.inverse_diagonal[dof] == 0.0F) {
-            held += motion_in(axis) * motion_in(axis).transpose();
-          } else {
-            add_load(load, dof, motion_in(axis));
-          }
-          for (std::size_t of = 0; of < cases; ++of)
-            if (!problem.loads[of].empty()) forces[of] += std::abs(problem.loads[of][dof]);
-        }
-      }
-      for_cells({i - 1, j - 1, k - 1}, {i + 1, j + 1, k + 1}, [&](Index a, Index b, Index c) {
-        if (!waiting[index(a, b, c)]) return;
-        waiting[index(a, b, c)] = 0;
-        front.push_back({a, b, c});
-      });
-    }
-    const auto [stiffness, motions] = internal::spectrum<6>(held);
-    const double rounding = 1e-9 * std::max(1.0, held.trace());
-    if (cells > most_cells) {
-      most_cells = cells;
-      free.reset();
-      if (stiffness[0] < rounding) free = problem.place({i0, j0, k0});
-    }
-    for (int m = 0; m < 6; ++m)
-      for (std::size_t of = 0; of < cases; ++of)
-        if (stiffness[m] < rounding && std::abs(motions.col(m).dot(load[of])) > 1e-6 * forces[of])
-          throw InputError(
-              fmt::format("the body at {} is loaded, but free to move: prescribe displacements that hold it",
-                          text_of(problem.place({i0, j0, k0}))));
-  });
-  if (largest_is_held && free)
-    throw InputError(fmt::format(
-        "underconstrained: the body at {} is free to move; prescribe displacements that hold it", text_of(*free)));
-}
-
 Index CellProblem::num_cells() const {
   std::vector<Index> of_layer(grid.cells[2], 0);
   parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < grid.cells[1]; ++j)
-        for (Index i = 0; i < grid.cells[0]; ++i) {
-          bool some = false;
-          for (int q = 0; q < 8; ++q) some = some || grid.moduli(i, j, k, q).shear > 0.0F;
-          of_layer[k] += some;
-        }
+        for (Index i = 0; i < grid.cells[0]; ++i) of_layer[k] += grid.has_material(i, j, k);
   });
   return std::accumulate(of_layer.begin(), of_layer.end(), Index(0));
 }

@@ -116,11 +116,6 @@ CellSolution solve_on_cells(const LabelImage<3>& image, const std::vector<Shared
 /// Displacement at a point of the frame on one of the three finest grids, counted from the finest.
 Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x);
 
-/// By cell of the mesh, with the fields recovered on it: the square of the distance, in the energy norm, between their
-/// stress at the centroid and that of the solution's gradients there [force * length]. `materials` by region.
-Vector recovery_errors(const CellSolution& solution, const Fields<3>& fields, const FineMesh<3>& mesh,
-                       const std::vector<SharedMaterial>& materials);
-
 /// Displacement, strain and stress at the vertices of a mesh of the image, each of one region (cut_regions).
 /// Displacements are interpolated; strains are linear fits around the points of the grid to those of the cells,
 /// weighted with how much of the region is at them, and interpolated in between. `region_of_label` by label: region of

@@ -387,7 +387,8 @@ on = "bottom"
       image.put(std::sqrt(x * x + y * y + z * z) < radius ? 0 : 1);
     }
     image.close();
-    return analyse(std::get<Case<3>>(read_case(work / "case.toml")));
+    const auto analysis = std::get<Case<3>>(read_case(work / "case.toml"));
+    return analyse_image(analysis).value();
   };
   const auto coarse = on_grid("2", 12.0), fine = on_grid("0.5", 12.0);
   for (const std::size_t r : {0u, 1u}) {
@@ -407,7 +408,6 @@ on = "bottom"
   const auto whole = on_grid("2", 0.0);
   EXPECT_NEAR(whole.reactions[0].force.z(), 0.01 * 24 * 24, 1e-3);
   EXPECT_LT(whole.reactions[0].error.norm(), 1e-3 * whole.reactions[0].force.z());
-  EXPECT_LT(whole.error_density.maxCoeff(), 1e-3);
 }
 
 /// A tube under pressure inside, held by soft springs.

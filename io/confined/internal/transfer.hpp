@@ -41,8 +41,8 @@ template <int Dim> auto fields(MadeImage<Dim>& made) {
   return std::tie(image, region_of_label, reports, remarks, warnings);
 }
 template <int Dim> auto fields(MadeMesh<Dim>& made) {
-  auto& [mesh, reports, remarks, warnings, size, image, region_of_label, boundary, smooth] = made;
-  return std::tie(mesh, reports, remarks, warnings, size, image, region_of_label, boundary, smooth);
+  auto& [mesh, reports, remarks, warnings, size, boundary, smooth] = made;
+  return std::tie(mesh, reports, remarks, warnings, size, boundary, smooth);
 }
 
 }  // namespace efree

@@ -44,6 +44,12 @@ struct CellGrid : CellLayout {
   const PartStiffness& weight(Index i, Index j, Index k, int q) const {
     return parts.weight(block(i, j, k), i % lanes, q);
   }
+  bool has_material(Index i, Index j, Index k) const {
+    if (parts.is_empty(block(i, j, k))) return false;
+    for (int q = 0; q < 8; ++q)
+      if (moduli(i, j, k, q).shear > 0.0F) return true;
+    return false;
+  }
   /// Moduli of the layers [begin, end) of cells.
   Parts layers(Index begin, Index end) const;
 
