@@ -43,15 +43,17 @@ struct Overlaps {
 class VoxelFractions {
  public:
   /// Of voxels cut into parts^3 equal parts, 1 or 2.
-  VoxelFractions(const LabelImage<3>& image, const std::vector<float>& value_of_label, int parts, double grown)
+  VoxelFractions(const LabelImage<3>& image, const std::vector<LabelCount>& counts,
+                 const std::vector<float>& value_of_label, int parts, double grown)
       : image_(image), parts_(parts), grown_(static_cast<float>(grown) * static_cast<float>(parts)) {
     for (int d = 0; d < 3; ++d) size[d] = parts * image.size[d];
+    keep({0, 0}, {image.size[0], image.size[1]});
     for (std::size_t p = 0; p < weights_.size(); ++p) {
       const float t = 0.25F * static_cast<float>(p) - 0.5F;
       weights_[p] = {0.5F * t * (t - 1.0F), 1.0F - t * t, 0.5F * t * (t + 1.0F)};
     }
     values_.push_back(value_of_label.empty() ? 0.0F : value_of_label[0]);
-    for (const auto& [label, count] : count_labels(image)) {
+    for (const auto& [label, count] : counts) {
       kind_.resize(label + 1, unknown);
       const float value = label < value_of_label.size() ? value_of_label[label] : 0.0F;
       const auto same = label == 0 ? values_.begin() : std::find(values_.begin() + 1, values_.end(), value);
@@ -65,10 +67,18 @@ class VoxelFractions {
   int parts() const { return parts_; }
   std::array<Index, 3> size;  ///< parts along the axes
 
+  /// No more than the voxels [low, high) along x and y are asked for. To be said before the first layer.
+  void keep(const std::array<Index, 2>& low, const std::array<Index, 2>& high) {
+    low_ = low;
+    high_ = high;
+  }
+  const std::array<Index, 2>& low() const { return low_; }
+  const std::array<Index, 2>& high() const { return high_; }
+
   /// Mean values in the parts of the voxels of a layer: `parts` layers one after the other. Fast for one layer after
   /// the next.
   const std::vector<float>& layer(Index k) {
-    const Index nx = image_.size[0], ny = image_.size[1];
+    const Index nx = image_.size[0];
     std::array<const Smooth*, 3> smooth;
     for (int dz = -1; dz <= 1; ++dz) smooth[dz + 1] = &smoothed(std::clamp(k + dz, 0, image_.size[2] - 1));
     const std::vector<std::uint16_t>& kinds = kinds_of(k);
@@ -77,12 +87,12 @@ class VoxelFractions {
     constexpr Index at_once = 8;
     std::array<std::uint8_t, at_once> all_whole;
     all_whole.fill(whole);
-    for (Index j = 0; j < ny; ++j)
-      for (Index i = 0; i < nx; ++i) {
+    for (Index j = low_[1]; j < high_[1]; ++j)
+      for (Index i = low_[0]; i < high_[0]; ++i) {
         const std::size_t voxel = i + static_cast<std::size_t>(nx) * j;
         const std::uint16_t kind = kinds[voxel];
         const std::uint8_t* of_kind = smooth[1]->of_kind[kind].data() + voxel;
-        if (parts_ == 1 && i + at_once <= nx && std::equal(all_whole.begin(), all_whole.end(), of_kind)) {
+        if (parts_ == 1 && i + at_once <= high_[0] && std::equal(all_whole.begin(), all_whole.end(), of_kind)) {
           std::fill_n(result_.begin() + static_cast<std::ptrdiff_t>(voxel), at_once, values_[kind]);
           i += at_once - 1;
           continue;
@@ -141,8 +151,19 @@ class VoxelFractions {
     const std::size_t plane = static_cast<std::size_t>(image_.size[0]) * image_.size[1];
     out.of_voxel.resize(plane);
     const Label* labels = image_.labels.data() + plane * k;
-    for (std::size_t i = 0; i < plane; ++i) out.of_voxel[i] = kind_[labels[i]];
+    const Range y = around(1, 2);
+    for (std::size_t i = static_cast<std::size_t>(image_.size[0]) * y.begin;
+         i < static_cast<std::size_t>(image_.size[0]) * y.end; ++i)
+      out.of_voxel[i] = kind_[labels[i]];
     return out.of_voxel;
+  }
+
+  struct Range {
+    Index begin, end;
+  };
+  /// The voxels that are kept and so many around them, along x or y.
+  Range around(int axis, Index by) const {
+    return {std::max(low_[axis] - by, 0), std::min(high_[axis] + by, image_.size[axis])};
   }
 
   const Smooth& smoothed(Index k) {
@@ -155,29 +176,40 @@ class VoxelFractions {
     std::array<const std::uint16_t*, 3> layers;
     for (int dz = -1; dz <= 1; ++dz) layers[dz + 1] = kinds_of(std::clamp(k + dz, 0, image_.size[2] - 1)).data();
     // Along z, along y, along x; the frame repeats its outermost voxels. The last kind is what the others leave.
+    const Range x = around(0, 1), x_read = around(0, 2), y = around(1, 1), y_read = around(1, 2);
     Plane columns(plane), rows(plane);
-    out.of_kind.back().assign(plane, static_cast<std::uint8_t>(whole));
+    const auto row_of = [nx](auto& plane_of, Index j) { return plane_of.data() + static_cast<std::size_t>(nx) * j; };
+    Plane& rest = out.of_kind.back();
+    rest.resize(plane);
+    for (Index j = y.begin; j < y.end; ++j)
+      std::fill(row_of(rest, j) + x.begin, row_of(rest, j) + x.end, static_cast<std::uint8_t>(whole));
     for (std::size_t kind = 0; kind + 1 < values_.size(); ++kind) {
-      for (std::size_t i = 0; i < plane; ++i)
-        columns[i] =
-            static_cast<std::uint8_t>((layers[0][i] == kind) + 2 * (layers[1][i] == kind) + (layers[2][i] == kind));
-      for (Index j = 0; j < ny; ++j) {
-        const std::uint8_t *before = columns.data() + static_cast<std::size_t>(nx) * std::max(j - 1, 0),
-                           *here = columns.data() + static_cast<std::size_t>(nx) * j,
-                           *after = columns.data() + static_cast<std::size_t>(nx) * std::min(j + 1, ny - 1);
-        std::uint8_t* to = rows.data() + static_cast<std::size_t>(nx) * j;
-        for (Index i = 0; i < nx; ++i) to[i] = static_cast<std::uint8_t>(before[i] + 2 * here[i] + after[i]);
+      for (Index j = y_read.begin; j < y_read.end; ++j) {
+        const std::size_t row = static_cast<std::size_t>(nx) * j;
+        for (std::size_t i = row + x_read.begin; i < row + x_read.end; ++i)
+          columns[i] =
+              static_cast<std::uint8_t>((layers[0][i] == kind) + 2 * (layers[1][i] == kind) + (layers[2][i] == kind));
+      }
+      for (Index j = y.begin; j < y.end; ++j) {
+        const std::uint8_t *before = row_of(columns, std::max(j - 1, 0)), *here = row_of(columns, j),
+                           *after = row_of(columns, std::min(j + 1, ny - 1));
+        std::uint8_t* to = row_of(rows, j);
+        for (Index i = x_read.begin; i < x_read.end; ++i)
+          to[i] = static_cast<std::uint8_t>(before[i] + 2 * here[i] + after[i]);
       }
       Plane& result = out.of_kind[kind];
       result.resize(plane);
-      for (Index j = 0; j < ny; ++j) {
-        const std::uint8_t* from = rows.data() + static_cast<std::size_t>(nx) * j;
-        std::uint8_t *to = result.data() + static_cast<std::size_t>(nx) * j,
-                     *rest = out.of_kind.back().data() + static_cast<std::size_t>(nx) * j;
-        for (Index i = 1; i + 1 < nx; ++i) to[i] = static_cast<std::uint8_t>(from[i - 1] + 2 * from[i] + from[i + 1]);
-        to[0] = static_cast<std::uint8_t>(3 * from[0] + from[std::min(1, nx - 1)]);
-        to[nx - 1] = static_cast<std::uint8_t>(3 * from[nx - 1] + from[std::max(nx - 2, 0)]);
-        for (Index i = 0; i < nx; ++i) rest[i] = static_cast<std::uint8_t>(rest[i] - to[i]);
+      for (Index j = y.begin; j < y.end; ++j) {
+        const std::uint8_t* from = row_of(rows, j);
+        std::uint8_t *to = row_of(result, j), *left = row_of(rest, j);
+        const auto at_end = [&](Index i) {
+          to[i] = static_cast<std::uint8_t>(from[std::max(i - 1, 0)] + 2 * from[i] + from[std::min(i + 1, nx - 1)]);
+        };
+        for (Index i = std::max(x.begin, 1); i < std::min(x.end, nx - 1); ++i)
+          to[i] = static_cast<std::uint8_t>(from[i - 1] + 2 * from[i] + from[i + 1]);
+        if (x.begin == 0) at_end(0);
+        if (x.end == nx) at_end(nx - 1);
+        for (Index i = x.begin; i < x.end; ++i) left[i] = static_cast<std::uint8_t>(left[i] - to[i]);
       }
     }
     return out;
@@ -286,6 +318,7 @@ class VoxelFractions {
 
   const LabelImage<3>& image_;
   int parts_;
+  std::array<Index, 2> low_, high_;              ///< voxels that are kept, along x and y
   float grown_;                                  ///< by how much void recedes [parts]
   std::vector<std::uint16_t> kind_;              ///< by label: labels of the same value are of one kind
   std::vector<float> values_;                    ///< by kind: void, then labels by their values
@@ -300,13 +333,6 @@ void require_boxes(const std::array<Index, 3>& boxes) {
   if (*std::ranges::min_element(boxes) < 1) throw InputError("a grid of boxes needs at least one along each axis");
 }
 
-VoxelFractions voxel_fractions(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                               const std::array<Index, 3>& boxes, double grown) {
-  bool smaller = false;
-  for (int d = 0; d < 3; ++d) smaller = smaller || boxes[d] > image.size[d];
-  return {image, value_of_label, smaller ? 2 : 1, grown};
-}
-
 }  // namespace
 
 struct BoxAverages::Parts {
@@ -316,10 +342,14 @@ struct BoxAverages::Parts {
 };
 
 BoxAverages::BoxAverages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
-                         const std::array<Index, 3>& boxes, double grown) {
-  check_image(image);
+                         const std::array<Index, 3>& boxes, double grown)
+    : BoxAverages((check_image(image), image), count_labels(image), value_of_label, boxes, grown) {}
+BoxAverages::BoxAverages(const LabelImage<3>& image, const std::vector<LabelCount>& counts,
+                         const std::vector<float>& value_of_label, const std::array<Index, 3>& boxes, double grown) {
   require_boxes(boxes);
-  const VoxelFractions voxels = voxel_fractions(image, value_of_label, boxes, grown);
+  bool smaller = false;
+  for (int d = 0; d < 3; ++d) smaller = smaller || boxes[d] > image.size[d];
+  const VoxelFractions voxels(image, counts, value_of_label, smaller ? 2 : 1, grown);
   const auto& n = voxels.size;
   parts_ = std::make_unique<const Parts>(Parts{voxels, boxes, {n[0], boxes[0]}, {n[1], boxes[1]}, {n[2], boxes[2]}});
 }
@@ -327,31 +357,49 @@ BoxAverages::BoxAverages(BoxAverages&&) noexcept = default;
 BoxAverages::~BoxAverages() = default;
 
 std::vector<float> BoxAverages::layers(Index first, Index last) const {
+  return in({{0, 0, first}, {parts_->boxes[0], parts_->boxes[1], last}});
+}
+
+std::vector<float> BoxAverages::in(const BoxRange& range) const {
   const auto& [of_image, boxes, x, y, z] = *parts_;
   const auto& n = of_image.size;
-  const auto along = static_cast<std::size_t>(boxes[0]), plane = along * boxes[1];
-  std::vector<float> means(plane * (last - first));
-  parallel_chunks(last - first, 16, [&](Index begin, Index end) {
+  const auto along = static_cast<std::size_t>(range.end[0] - range.begin[0]),
+             plane = along * (range.end[1] - range.begin[1]);
+  std::vector<float> means(range.size());
+  if (means.empty()) return means;
+  // The parts of voxels that these boxes overlap.
+  const auto first_of = [](const Overlaps& overlaps, Index box) { return overlaps.shares[overlaps.begin[box]].voxel; };
+  const auto end_of = [](const Overlaps& overlaps, Index box) {
+    return overlaps.shares[overlaps.begin[box] - 1].voxel + 1;
+  };
+  const Index parts = of_image.parts();
+  const std::array<Index, 2> low{first_of(x, range.begin[0]) / parts, first_of(y, range.begin[1]) / parts},
+      high{(end_of(x, range.end[0]) + parts - 1) / parts, (end_of(y, range.end[1]) + parts - 1) / parts};
+  parallel_chunks(range.end[2] - range.begin[2], 16, [&](Index begin, Index end) {
     VoxelFractions voxels = of_image;
-    const Index parts = voxels.parts();
+    voxels.keep(low, high);
     const std::size_t line_plane = along * n[1];
     std::vector<float> lines(parts * line_plane);  // means along x, of the parts of a layer of voxels
     Index there = -1;
-    for (Index k = first + begin; k < first + end; ++k)
+    for (Index k = range.begin[2] + begin; k < range.begin[2] + end; ++k)
       for (std::size_t s = z.begin[k]; s < z.begin[k + 1]; ++s) {
         const Index part = z.shares[s].voxel;
         if (part / parts != there) {
           const std::vector<float>& layer = voxels.layer(there = part / parts);
-          for (Index j = 0; j < parts * n[1]; ++j)
-            for (Index i = 0; i < boxes[0]; ++i)
-              lines[i + along * j] = x.mean(i, layer.data() + static_cast<std::size_t>(n[0]) * j);
+          for (Index of_voxel = 0; of_voxel < parts; ++of_voxel)
+            for (Index j = parts * low[1]; j < parts * high[1]; ++j) {
+              const std::size_t line = j + static_cast<std::size_t>(n[1]) * of_voxel;
+              for (Index i = range.begin[0]; i < range.end[0]; ++i)
+                lines[i - range.begin[0] + along * line] = x.mean(i, layer.data() + n[0] * line);
+            }
         }
-        float* out = means.data() + plane * (k - first);
-        for (Index j = 0; j < boxes[1]; ++j)
+        float* out = means.data() + plane * (k - range.begin[2]);
+        for (Index j = range.begin[1]; j < range.end[1]; ++j)
           for (std::size_t t = y.begin[j]; t < y.begin[j + 1]; ++t) {
             const float share = z.shares[s].share * y.shares[t].share;
             const float* line = lines.data() + line_plane * (part % parts) + along * y.shares[t].voxel;
-            for (std::size_t i = 0; i < along; ++i) out[along * j + i] += share * line[i];
+            float* to = out + along * (j - range.begin[1]);
+            for (std::size_t i = 0; i < along; ++i) to[i] += share * line[i];
           }
       }
   });
@@ -361,6 +409,42 @@ std::vector<float> BoxAverages::layers(Index first, Index last) const {
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
                                 const std::array<Index, 3>& boxes, double grown) {
   return BoxAverages(image, value_of_label, boxes, grown).layers(0, boxes[2]);
+}
+
+std::vector<BoxRange> boxes_of_groups(const LabelImage<3>& image, const std::vector<Index>& group_of_label,
+                                      Index groups, const std::array<Index, 3>& boxes) {
+  const BoxRange none{image.size, {0, 0, 0}};
+  const auto add = [](BoxRange& to, const std::array<Index, 3>& begin, const std::array<Index, 3>& end) {
+    for (std::size_t d = 0; d < 3; ++d) {
+      to.begin[d] = std::min(to.begin[d], begin[d]);
+      to.end[d] = std::max(to.end[d], end[d]);
+    }
+  };
+  std::vector<std::vector<BoxRange>> of_layer(image.size[2], std::vector<BoxRange>(groups, none));
+  parallel_chunks(image.size[2], 1, [&](Index k, Index) {
+    const Label* labels = image.labels.data() + image.index({0, 0, k});
+    for (Index j = 0; j < image.size[1]; ++j, labels += image.size[0])
+      for (Index i = 0, end = 0; i < image.size[0]; i = end) {
+        const Label label = labels[i];
+        while (end < image.size[0] && labels[end] == label) ++end;
+        const Index group = label < group_of_label.size() ? group_of_label[label] : -1;
+        if (group >= 0) add(of_layer[k][group], {i, j, k}, {end, j + 1, k + 1});
+      }
+  });
+  std::vector<BoxRange> result(groups);
+  for (Index group = 0; group < groups; ++group) {
+    BoxRange voxels = none;
+    for (const auto& layer : of_layer) add(voxels, layer[group].begin, layer[group].end);
+    if (voxels.end[0] == 0) continue;
+    constexpr double smoothed = 1.0;  // voxels
+    for (std::size_t d = 0; d < 3; ++d) {
+      const double per_voxel = static_cast<double>(boxes[d]) / image.size[d];
+      const double low = (voxels.begin[d] - smoothed) * per_voxel, high = (voxels.end[d] + smoothed) * per_voxel;
+      result[group].begin[d] = std::max(0, static_cast<Index>(std::floor(low)));
+      result[group].end[d] = std::min(boxes[d], static_cast<Index>(std::ceil(high)));
+    }
+  }
+  return result;
 }
 
 }  // namespace efree

@@ -24,20 +24,48 @@ namespace efree {
 std::vector<float> box_averages(const LabelImage<3>& image, const std::vector<float>& value_of_label,
                                 const std::array<Index, 3>& boxes, double grown = 0.0);
 
-/// The same layer by layer of boxes, where all at once would be too many.
+/// Boxes [begin, end) along each axis.
+struct BoxRange {
+  std::array<Index, 3> begin{}, end{};
+
+  bool holds(const std::array<Index, 3>& box) const {
+    for (std::size_t d = 0; d < 3; ++d)
+      if (box[d] < begin[d] || box[d] >= end[d]) return false;
+    return true;
+  }
+  /// Of a box, x fastest.
+  std::size_t index(const std::array<Index, 3>& box) const {
+    return box[0] - begin[0] +
+           static_cast<std::size_t>(end[0] - begin[0]) *
+               (box[1] - begin[1] + static_cast<std::size_t>(end[1] - begin[1]) * (box[2] - begin[2]));
+  }
+  std::size_t size() const { return index({begin[0], begin[1], end[2]}); }
+};
+
+/// The same for some of the boxes, where all at once would be too many.
 class BoxAverages {
  public:
   /// Keeps a reference to the image. Throws as box_averages does.
   BoxAverages(const LabelImage<3>& image, const std::vector<float>& value_of_label, const std::array<Index, 3>& boxes,
               double grown = 0.0);
+  /// The same of an image that was checked and whose labels were counted, as for many of its labels one by one.
+  BoxAverages(const LabelImage<3>& image, const std::vector<LabelCount>& counts,
+              const std::vector<float>& value_of_label, const std::array<Index, 3>& boxes, double grown = 0.0);
   BoxAverages(BoxAverages&&) noexcept;
   ~BoxAverages();
   /// Of the layers [begin, end) of boxes along z, x fastest.
   std::vector<float> layers(Index begin, Index end) const;
+  /// Of these boxes, x fastest; what is outside of them takes no time.
+  std::vector<float> in(const BoxRange& range) const;
 
  private:
   struct Parts;
   std::unique_ptr<const Parts> parts_;
 };
+
+/// Of each group of labels the boxes, out of so many along each axis, that may have some of it: those around its
+/// voxels, as averages smooth boundaries. `group_of_label` by label, -1 for none. A group without voxels has no boxes.
+std::vector<BoxRange> boxes_of_groups(const LabelImage<3>& image, const std::vector<Index>& group_of_label,
+                                      Index groups, const std::array<Index, 3>& boxes);
 
 }  // namespace efree

@@ -20,11 +20,12 @@ using internal::GridPoints, internal::NodalStrains, internal::Place, internal::R
 
 /// Averages of a region's part in the octants of the solution's cells.
 BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& image,
-                           const std::vector<Index>& region_of_label, Index region) {
+                           const std::vector<LabelCount>& counts, const std::vector<Index>& region_of_label,
+                           Index region) {
   std::vector<float> inside(region_of_label.size());
   for (std::size_t label = 0; label < inside.size(); ++label) inside[label] = region_of_label[label] == region;
   const auto& n = solution.grid.cubes;
-  return {image, inside, {2 * n[0], 2 * n[1], 2 * n[2]}};
+  return {image, counts, inside, {2 * n[0], 2 * n[1], 2 * n[2]}};
 }
 
 }  // namespace
@@ -52,9 +53,11 @@ Fields<3> recover_fields(const CellSolution& solution, const LabelImage<3>& imag
   fields.strain.resize(6, mesh.num_vertices());
   fields.stress.resize(6, mesh.num_vertices());
   const auto& n = solution.grid.cubes;
+  const BoxRange all{{0, 0, 0}, n};
+  const std::vector<LabelCount> counts = count_labels(image);
   for (Index region = 0; region < mesh.num_regions(); ++region) {
-    const RegionShare share(part_of_region(solution, image, region_of_label, region), n, 0, n[2]);
-    const NodalStrains strains(solution, share, 0, n[2] + 1);
+    const RegionShare share(part_of_region(solution, image, counts, region_of_label, region), all);
+    const NodalStrains strains(solution, share, all, true);
     parallel_for(mesh.num_vertices(), [&](Index v) {
       if (region_of[v] != region) return;
       const Place place = place_of(solution.grid, solution.axes, mesh.vertex(v));
@@ -117,13 +120,141 @@ struct LayerRanges {
   }
 };
 
+/// These cells and those beside them, as far as they are of a region.
+BoxRange with_neighbours(const BoxRange& cells, const BoxRange& of_region) {
+  BoxRange around;
+  for (std::size_t d = 0; d < 3; ++d) {
+    around.begin[d] = std::max(cells.begin[d] - 1, of_region.begin[d]);
+    around.end[d] = std::min(cells.end[d] + 1, of_region.end[d]);
+  }
+  return around;
+}
+
+/// At a point of a region.
+ProbeValues<3> probe(const CellSolution& solution, const BoxAverages& part, const Materials<3>& materials, Index region,
+                     const Vec<3>& x) {
+  const Place place = place_of(solution.grid, solution.axes, x);
+  BoxRange cell{place.cell, place.cell};
+  for (Index& end : cell.end) ++end;
+  const RegionShare share(part, with_neighbours(cell, {{0, 0, 0}, solution.grid.cubes}));
+  Stiffness<3> room;
+  ProbeValues<3> values;
+  values.displacement = displacement_in(GridPoints{solution.grid}, solution.displacement, place);
+  values.strain = NodalStrains(solution, share, cell, true).at(place);
+  values.stress = materials.stiffness(region, x, room).C * values.strain;
+  return values;
+}
+
+/// What one region adds to the fields.
+class RegionFields {
+ public:
+  RegionFields(const CellSolution& solution, const BoxAverages& part, const BoxRange& cells, Index region,
+               const Materials<3>& materials, std::vector<float>& most, CellFields& fields)
+      : solution_(solution),
+        part_(part),
+        cells_(cells),
+        region_(region),
+        materials_(materials),
+        most_(most),
+        fields_(fields),
+        points_{solution.grid} {}
+
+  LayerRanges add() {
+    constexpr Index slab = 32;  // layers of cells whose strains are held at once
+    LayerRanges all;
+    for (Index first = cells_.begin[2]; first < cells_.end[2]; first += slab) {
+      BoxRange cells = cells_;
+      cells.begin[2] = first;
+      cells.end[2] = std::min(first + slab, cells_.end[2]);
+      const RegionShare share(part_, with_neighbours(cells, cells_));
+      const NodalStrains strains(solution_, share, cells);
+      std::vector<LayerRanges> layers(cells.end[2] - first);
+      parallel_chunks(cells.end[2] - first, 1, [&](Index layer, Index) {
+        for (Index j = cells.begin[1]; j < cells.end[1]; ++j)
+          for (Index i = cells.begin[0]; i < cells.end[0]; ++i)
+            add_cell({i, j, first + layer}, share, strains, layers[layer]);
+      });
+      for (const LayerRanges& layer : layers) all.add(layer);
+    }
+    return all;
+  }
+
+ private:
+  Vec<3> place(const Vec<3>& at) const {
+    return solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(at);
+  }
+  void add_cell(const std::array<Index, 3>& cell, const RegionShare& share, const NodalStrains& strains,
+                LayerRanges& ranges) const {
+    std::array<double, 8> w;
+    double filled = 0.0;
+    for (int q = 0; q < 8; ++q) filled += w[q] = static_cast<double>(share.at(cell, q));
+    if (filled == 0.0) return;
+    const Vec<3> corner(cell[0], cell[1], cell[2]);
+    Stiffness<3> room;
+    Voigt<3> mean_strain = Voigt<3>::Zero(), mean_stress = mean_strain;
+    double of_von_mises = 0.0;
+    const auto add = [&](const Voigt<3>& strain, const Vec<3>& at, double weight, bool counts) {
+      const Vec<3> x = place(corner + at);
+      const Voigt<3> stress = materials_.stiffness(region_, x, room).C * strain;
+      const double von_mises_stress = von_mises<3>(stress);
+      mean_strain += weight * strain;
+      mean_stress += weight * stress;
+      of_von_mises += weight * von_mises_stress;
+      if (counts) ranges.add(strain, stress, von_mises_stress, x);
+    };
+    if (filled == 8.0) {  // once, at its centre
+      add(strains.in_middle(cell), Vec<3>::Constant(0.5), 8.0, true);
+    } else {
+      const Eigen::Matrix<double, 6, 8> in_octants = strains.in_octants(cell);
+      for (int q = 0; q < 8; ++q)
+        if (w[q] > 0.0)
+          add(in_octants.col(q), Vec<3>(q & 1 ? 0.75 : 0.25, q & 2 ? 0.75 : 0.25, q & 4 ? 0.75 : 0.25), w[q],
+              w[q] >= 0.5);
+    }
+    for (int q = 0; q < 8; ++q) {  // the cell's corner in the octant
+      if (w[q] < 0.5) continue;
+      const std::array<Index, 3> at{cell[0] + (q & 1), cell[1] + (q >> 1 & 1), cell[2] + (q >> 2)};
+      ranges.add(solution_.displacement.col(points_.at(at[0], at[1], at[2])), place(Vec<3>(at[0], at[1], at[2])));
+    }
+    ranges.stresses.volume += solution_.grid.spacing.prod() / 8.0 * filled;
+    mix(cell, filled, mean_strain, mean_stress, of_von_mises);
+  }
+  /// Of several regions in a cell: means over all of them, the region with the most.
+  void mix(const std::array<Index, 3>& cell, double filled, const Voigt<3>& strain, const Voigt<3>& stress,
+           double von_mises_stress) const {
+    const auto& n = solution_.grid.cubes;
+    const auto at = cell[0] + static_cast<Eigen::Index>(n[0]) * (cell[1] + static_cast<Eigen::Index>(n[1]) * cell[2]);
+    const auto of_cell = static_cast<float>(filled / 8.0), before = fields_.solid[at], after = before + of_cell;
+    const auto mean = [&](float old, double value) {
+      return (before * old + of_cell * static_cast<float>(value / filled)) / after;
+    };
+    for (int c = 0; c < 6; ++c) {
+      fields_.strain(c, at) = mean(fields_.strain(c, at), strain[c]);
+      fields_.stress(c, at) = mean(fields_.stress(c, at), stress[c]);
+    }
+    fields_.von_mises[at] = mean(fields_.von_mises[at], von_mises_stress);
+    if (of_cell > most_[at]) {
+      most_[at] = of_cell;
+      fields_.region[at] = static_cast<std::int16_t>(region_);
+    }
+    fields_.solid[at] = after;
+  }
+
+  const CellSolution& solution_;
+  const BoxAverages& part_;
+  BoxRange cells_;
+  Index region_;
+  const Materials<3>& materials_;
+  std::vector<float>& most_;  ///< by cell: part of the region with the most
+  CellFields& fields_;
+  GridPoints points_;
+};
+
 }  // namespace
 
 CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>& image,
                                const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials,
                                const std::vector<Vec<3>>& probes) {
-  constexpr Index slab = 32;  // layers of cells whose strains are held at once
-  const GridPoints points{solution.grid};
   const Materials<3> by_region(materials, Plane::strain);
   const auto& n = solution.grid.cubes;
   const auto cells = static_cast<Eigen::Index>(n[0]) * n[1] * n[2];
@@ -134,88 +265,22 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
   fields.stress.setZero(6, cells);
   fields.von_mises.assign(cells, 0.0F);
   fields.ranges.resize(16);
-  std::vector<float> most(cells, 0.0F);  // part of the region with the most
+  std::vector<float> most(cells, 0.0F);
   fields.probes.resize(probes.size());
-  const double octant = solution.grid.spacing.prod() / 8.0;
+  const std::vector<LabelCount> counts = count_labels(image);
+  const std::vector<BoxRange> of_region =
+      boxes_of_groups(image, region_of_label, static_cast<Index>(materials.size()), n);
   for (Index region = 0; region < static_cast<Index>(materials.size()); ++region) {
-    const BoxAverages part = part_of_region(solution, image, region_of_label, region);
-    LayerRanges all;
-    for (Index first = 0; first < n[2]; first += slab) {
-      const Index last = std::min(first + slab, n[2]);
-      const RegionShare share(part, n, std::max(first - 1, 0), std::min(last + 1, n[2]));
-      const NodalStrains strains(solution, share, first, last + 1);
-      std::vector<LayerRanges> layers(last - first);
-      parallel_chunks(last - first, 1, [&](Index begin, Index end) {
-        Stiffness<3> room;
-        for (Index k = first + begin; k < first + end; ++k)
-          for (Index j = 0; j < n[1]; ++j)
-            for (Index i = 0; i < n[0]; ++i) {
-              LayerRanges& ranges = layers[k - first];
-              const auto cell = i + static_cast<Eigen::Index>(n[0]) * (j + static_cast<Eigen::Index>(n[1]) * k);
-              double sum = 0.0, of_von_mises = 0.0;
-              Voigt<3> mean_strain = Voigt<3>::Zero(), mean_stress = mean_strain;
-              std::array<double, 8> w;
-              for (int q = 0; q < 8; ++q) w[q] = share.at({i, j, k}, q);
-              // In a cell that is whole once, at its centre.
-              const bool whole = std::ranges::all_of(w, [](double of) { return of == 1.0; });
-              for (int q = 0; q < (whole ? 1 : 8); ++q) {
-                if (w[q] == 0.0) continue;
-                Place place{{i, j, k}, Vec<3>::Constant(0.5)};
-                if (!whole) place.t << (q & 1 ? 0.75 : 0.25), (q & 2 ? 0.75 : 0.25), (q & 4 ? 0.75 : 0.25);
-                const Vec<3> x = solution.grid.origin +
-                                 solution.axes * solution.grid.spacing.cwiseProduct(Vec<3>(i, j, k) + place.t);
-                const Voigt<3> strain = strains.at(place), stress = by_region.stiffness(region, x, room).C * strain;
-                const double von_mises_stress = von_mises<3>(stress), of = whole ? 8.0 : w[q];
-                sum += of;
-                mean_strain += of * strain;
-                mean_stress += of * stress;
-                of_von_mises += of * von_mises_stress;
-                if (w[q] >= 0.5) ranges.add(strain, stress, von_mises_stress, x);
-              }
-              for (int q = 0; q < 8; ++q) {  // the cell's corner in the octant
-                if (w[q] < 0.5) continue;
-                const std::array<Index, 3> corner{i + (q & 1), j + (q >> 1 & 1), k + (q >> 2)};
-                ranges.add(solution.displacement.col(points.at(corner[0], corner[1], corner[2])),
-                           solution.grid.origin + solution.axes * solution.grid.spacing.cwiseProduct(
-                                                                      Vec<3>(corner[0], corner[1], corner[2])));
-              }
-              if (sum == 0.0) continue;
-              ranges.stresses.volume += octant * sum;
-              // Of several regions in a cell: means over all of them, the region with the most.
-              const auto of_cell = static_cast<float>(sum / 8.0), before = fields.solid[cell],
-                         filled = before + of_cell;
-              const auto mix = [&](float old, double value) {
-                return (before * old + of_cell * static_cast<float>(value / sum)) / filled;
-              };
-              for (int c = 0; c < 6; ++c) {
-                fields.strain(c, cell) = mix(fields.strain(c, cell), mean_strain[c]);
-                fields.stress(c, cell) = mix(fields.stress(c, cell), mean_stress[c]);
-              }
-              fields.von_mises[cell] = mix(fields.von_mises[cell], of_von_mises);
-              if (of_cell > most[cell]) {
-                most[cell] = of_cell;
-                fields.region[cell] = static_cast<std::int16_t>(region);
-              }
-              fields.solid[cell] = filled;
-            }
-      });
-      for (const LayerRanges& layer : layers) all.add(layer);
-      for (std::size_t p = 0; p < probes.size(); ++p) {
-        const Place place = place_of(solution.grid, solution.axes, probes[p]);
-        const Label label = label_near(image, probes[p], probe_reach);
-        if (place.cell[2] < first || place.cell[2] >= last || label == 0 || label >= region_of_label.size() ||
-            region_of_label[label] != region)
-          continue;
-        Stiffness<3> room;
-        ProbeValues<3>& values = fields.probes[p];
-        values.displacement = displacement_in(points, solution.displacement, place);
-        values.strain = strains.at(place);
-        values.stress = by_region.stiffness(region, probes[p], room).C * values.strain;
-      }
-    }
+    const BoxAverages part = part_of_region(solution, image, counts, region_of_label, region);
+    const LayerRanges all = RegionFields(solution, part, of_region[region], region, by_region, most, fields).add();
     for (std::size_t r = 0; r < fields.ranges.size(); ++r) fields.ranges[r].add(all.components[r]);
     fields.displacement.add(all.displacement);
     fields.regions.push_back(all.stresses);
+    for (std::size_t p = 0; p < probes.size(); ++p) {
+      const Label label = label_near(image, probes[p], probe_reach);
+      if (label == 0 || label >= region_of_label.size() || region_of_label[label] != region) continue;
+      fields.probes[p] = probe(solution, part, by_region, region, probes[p]);
+    }
   }
   return fields;
 }

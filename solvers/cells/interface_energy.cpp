@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 namespace efree::internal {
@@ -19,7 +20,12 @@ namespace {
 struct Phase {
   const SharedMaterial* material;
   double modulus;  ///< C_xxxx at the middle of the image [stress]
+  BoxRange cells;  ///< that may have some of it
   std::vector<float> part;
+
+  double in(const std::array<Index, 3>& cell) const {
+    return cells.holds(cell) ? static_cast<double>(part[cells.index(cell)]) : 0.0;
+  }
 };
 
 Mat<3> tensor_of_stress(const Voigt<3>& s) {
@@ -50,17 +56,27 @@ class MixedCells {
       : solution_(solution), n_(solution.grid.cubes) {
     const Vec<3> middle = image.in_world(
         image.origin + 0.5 * image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2])));
-    for (const LabelCount& count : count_labels(image)) {
+    const std::vector<LabelCount> counts = count_labels(image);
+    std::vector<Index> phase_of_label(counts.back().label + 1, -1);
+    for (const LabelCount& count : counts) {
       if (count.label == 0) continue;
       const SharedMaterial& material = materials[count.label];
-      phases_.push_back(
-          {&material, Materials<3>({material}, Plane::strain).stiffness(0, middle).C(0, 0), std::vector<float>()});
-      labels_.push_back(count.label);
+      phase_of_label[count.label] = static_cast<Index>(phases_.size());
+      phases_.push_back({&material, Materials<3>({material}, Plane::strain).stiffness(0, middle).C(0, 0), {}, {}});
     }
     const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
     different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
-    for (std::size_t p = 0; different_ && p < phases_.size(); ++p)
-      phases_[p].part = part_of_label(image, labels_[p], n_).layers(0, n_[2]);
+    if (!different_) return;
+    const auto cells = boxes_of_groups(image, phase_of_label, static_cast<Index>(phases_.size()), n_);
+    for (std::size_t label = 0; label < phase_of_label.size(); ++label) {
+      const Index p = phase_of_label[label];
+      if (p < 0) continue;
+      std::vector<float> one(label + 1, 0.0F);
+      one[label] = 1.0F;
+      phases_[p].cells = cells[p];
+      phases_[p].part = BoxAverages(image, counts, one, n_).in(cells[p]);
+    }
+    count_phases();
   }
 
   double energy() const {
@@ -69,7 +85,8 @@ class MixedCells {
     parallel_chunks(n_[2], 1, [&](Index begin, Index end) {
       for (Index k = begin; k < end; ++k)
         for (Index j = 0; j < n_[1]; ++j)
-          for (Index i = 0; i < n_[0]; ++i) of_layer[k] += in_cell({i, j, k});
+          for (Index i = 0; i < n_[0]; ++i)
+            if (phases_in_[all_.index({i, j, k})] > 1) of_layer[k] += in_cell({i, j, k});
     });
     double sum = 0.0;
     for (const double of : of_layer) sum += of;
@@ -78,17 +95,25 @@ class MixedCells {
 
  private:
   static constexpr double least_contrast = 0.02;  ///< of moduli, that matters
-  static constexpr float least_part = 1e-4F;      ///< of a cell, likewise
+  static constexpr double least_part = 1e-4;      ///< of a cell, likewise
   static constexpr double least_aligned = 0.95;   ///< cosine between a normal and an axis of the grid
 
-  std::size_t cell(const std::array<Index, 3>& at) const {
-    return at[0] + static_cast<std::size_t>(n_[0]) * (at[1] + static_cast<std::size_t>(n_[1]) * at[2]);
+  void count_phases() {
+    phases_in_.assign(all_.size(), 0);
+    parallel_chunks(n_[2], 1, [&](Index k, Index) {
+      for (const Phase& phase : phases_) {
+        if (k < phase.cells.begin[2] || k >= phase.cells.end[2]) continue;
+        for (Index j = phase.cells.begin[1]; j < phase.cells.end[1]; ++j)
+          for (Index i = phase.cells.begin[0]; i < phase.cells.end[0]; ++i)
+            phases_in_[all_.index({i, j, k})] += phase.in({i, j, k}) > least_part;
+      }
+    });
   }
   /// Mean modulus of the material in a cell; 0 in void.
   double modulus(const std::array<Index, 3>& at) const {
     double sum = 0.0, all = 0.0;
     for (const Phase& phase : phases_) {
-      const auto part = static_cast<double>(phase.part[cell(at)]);
+      const double part = phase.in(at);
       sum += part * phase.modulus;
       all += part;
     }
@@ -123,19 +148,14 @@ class MixedCells {
   }
   double in_cell(const std::array<Index, 3>& at) const {
     double all = 0.0;
-    int several = 0;
-    for (const Phase& phase : phases_) {
-      all += static_cast<double>(phase.part[cell(at)]);
-      several += phase.part[cell(at)] > least_part;
-    }
-    if (several < 2) return 0.0;
+    for (const Phase& phase : phases_) all += phase.in(at);
     const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(
                                                                   Vec<3>(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5));
     std::vector<std::pair<double, VoigtMatrix<3>>> layers;
     VoigtMatrix<3> mean = VoigtMatrix<3>::Zero();
     for (const Phase& phase : phases_) {
-      const double share = static_cast<double>(phase.part[cell(at)]) / all;
-      if (share <= static_cast<double>(least_part)) continue;
+      const double share = phase.in(at) / all;
+      if (share <= least_part) continue;
       layers.emplace_back(share, Materials<3>({*phase.material}, Plane::strain).stiffness(0, x).C);
       mean += share * layers.back().second;
     }
@@ -167,11 +187,10 @@ class MixedCells {
         double all = 0.0;
         const Phase* most = nullptr;
         for (const Phase& phase : phases_) {
-          all += static_cast<double>(phase.part[cell(there)]);
-          if (most == nullptr || phase.part[cell(there)] > most->part[cell(there)]) most = &phase;
+          all += phase.in(there);
+          if (most == nullptr || phase.in(there) > most->in(there)) most = &phase;
         }
-        if (all < 0.5 || static_cast<double>(most->part[cell(there)]) < (1.0 - static_cast<double>(least_part)) * all)
-          continue;
+        if (all < 0.5 || most->in(there) < (1.0 - least_part) * all) continue;
         const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(Vec<3>(
                                                                       there[0] + 0.5, there[1] + 0.5, there[2] + 0.5));
         return Materials<3>({*most->material}, Plane::strain).stiffness(0, x).C * strain_of<3>(slope(there).reshaped());
@@ -181,8 +200,9 @@ class MixedCells {
 
   const CellSolution& solution_;
   std::array<Index, 3> n_;
+  BoxRange all_{{0, 0, 0}, n_};
   std::vector<Phase> phases_;
-  std::vector<Label> labels_;
+  std::vector<std::uint8_t> phases_in_;  ///< by cell, how many
   bool different_ = false;
 };
 

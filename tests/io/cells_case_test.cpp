@@ -155,7 +155,9 @@ TEST(CellsCase, AMeshCarriesTheSameFieldsWhenItIsAskedFor) {
   double most = 0.0, largest = 0.0, across = 0.0;
   for (vtkIdType p = 0; p < u->GetNumberOfTuples(); ++p) {
     const double* x = reader->GetOutput()->GetPoint(p);
-    if (x[2] == n) EXPECT_NEAR(u->GetComponent(p, 2), 0.24, 1e-6);
+    if (x[2] == n) {
+      EXPECT_NEAR(u->GetComponent(p, 2), 0.24, 1e-6);
+    }
     most = std::max(most, stress->GetTuple1(p));
     largest = std::max(largest, Vec<3>(u->GetTuple3(p)).norm());
     across = std::max(across, std::abs(pressed->GetComponent(p, 0) - u->GetComponent(p, 0)));

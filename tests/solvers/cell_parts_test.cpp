@@ -71,6 +71,36 @@ TEST(CellParts, OfFewMaterialsAreKeptToTheLastDigitsOfAverages) {
   }
 }
 
+TEST(BoxAverages, OfSomeBoxesAreThoseOfTheWholeImage) {
+  LabelImage<3> image = random_spheres<3>(24, {.porosity = 0.3, .r_min = 3.0, .r_max = 6.0});
+  for (std::size_t p = 0; p < image.labels.size(); ++p)
+    if (image.labels[p] != 0 && p % 24 > 15) image.labels[p] = 2;
+  for (const std::array<Index, 3>& boxes : {std::array<Index, 3>{24, 24, 24}, {17, 11, 19}, {48, 48, 48}}) {
+    const BoxAverages averages(image, {0.0F, 1.0F, 0.25F}, boxes);
+    const std::vector<float> whole = averages.layers(0, boxes[2]);
+    const BoxRange all{{0, 0, 0}, boxes};
+    for (const BoxRange& range : {BoxRange{{0, 0, 0}, {4, 3, 2}}, BoxRange{{5, 3, 7}, {6, 9, 12}},
+                                  BoxRange{{9, 0, 2}, {boxes[0], 5, boxes[2]}}}) {
+      const std::vector<float> some = averages.in(range);
+      ASSERT_EQ(some.size(), range.size());
+      for (Index k = range.begin[2]; k < range.end[2]; ++k)
+        for (Index j = range.begin[1]; j < range.end[1]; ++j)
+          for (Index i = range.begin[0]; i < range.end[0]; ++i)
+            ASSERT_EQ(some[range.index({i, j, k})], whole[all.index({i, j, k})]) << i << " " << j << " " << k;
+    }
+    // Outside of a label's boxes there is none of it.
+    const std::vector<float> of_second = box_averages(image, {0.0F, 0.0F, 1.0F}, boxes);
+    const BoxRange second = boxes_of_groups(image, {-1, -1, 0}, 1, boxes).front();
+    EXPECT_GT(second.begin[0], boxes[0] / 2);
+    for (Index k = 0; k < boxes[2]; ++k)
+      for (Index j = 0; j < boxes[1]; ++j)
+        for (Index i = 0; i < boxes[0]; ++i)
+          if (!second.holds({i, j, k})) {
+            ASSERT_EQ(of_second[all.index({i, j, k})], 0.0F);
+          }
+  }
+}
+
 TEST(BoxAverages, LayerByLayerAreThoseOfTheWholeImage) {
   const LabelImage<3> image = random_spheres<3>(24, {.porosity = 0.3, .r_min = 3.0, .r_max = 6.0});
   for (const std::array<Index, 3>& boxes : {std::array<Index, 3>{24, 24, 24}, {17, 11, 19}, {48, 48, 48}}) {

@@ -4,7 +4,6 @@
 
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
-#include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
 #include <vector>
@@ -36,19 +35,24 @@ Place place_of(const Lattice& grid, const Mat<3>& axes, const Vec<3>& x);
 /// Interpolates a displacement at the points of a grid.
 Vec<3> displacement_in(const GridPoints& points, const Points<3>& displacement, const Place& place);
 
-/// How much of a region is in the octants of the cells of some layers.
+/// How much of a region is in the octants of some cells.
 class RegionShare {
  public:
-  /// `averages`: of 1 for the region's labels and 0 for others, over octants. Of the layers [first, last) of cells.
-  RegionShare(const BoxAverages& averages, const std::array<Index, 3>& cells, Index first, Index last)
-      : order_(cells), first_(first), part_(averages.layers(2 * first, 2 * last)) {
+  /// `averages`: of 1 for the region's labels and 0 for others, over octants.
+  RegionShare(const BoxAverages& averages, const BoxRange& cells) : cells_(cells) {
+    for (int d = 0; d < 3; ++d) {
+      octants_.begin[d] = 2 * cells.begin[d];
+      octants_.end[d] = 2 * cells.end[d];
+    }
+    part_ = averages.in(octants_);
     constexpr float rounding = 1e-5F;
     for (float& part : part_)
       if (part > 1.0F - rounding) part = 1.0F;
   }
-  /// In octant q = x + 2 y + 4 z of a cell.
+  const BoxRange& cells() const { return cells_; }
+  /// In octant q = x + 2 y + 4 z of one of these cells.
   float at(const std::array<Index, 3>& cell, int q) const {
-    return part_[order_(cell[0], cell[1], cell[2] - first_, q)];
+    return part_[octants_.index({2 * cell[0] + (q & 1), 2 * cell[1] + (q >> 1 & 1), 2 * cell[2] + (q >> 2)})];
   }
   bool is_whole(const std::array<Index, 3>& cell) const {
     for (int q = 0; q < 8; ++q)
@@ -57,24 +61,51 @@ class RegionShare {
   }
 
  private:
-  PartOrder order_;
-  Index first_;
+  BoxRange cells_, octants_;
   std::vector<float> part_;
 };
 
-/// Strains at the points of some layers of a grid from those at the points of the cells around, weighted with how much
-/// of a region is there: linear fits, means where there is too little for one.
+/// Strains of a solution's displacements in its cells, in the world's axes.
+class CellStrains {
+ public:
+  static constexpr int middle = 8;
+  explicit CellStrains(const CellSolution& solution);
+  /// Displacements of the corners.
+  Eigen::Matrix<double, 3, 8> displacements(const std::array<Index, 3>& cell) const;
+  /// In the middle of octant q, or of the cell.
+  Voigt<3> strain(const Eigen::Matrix<double, 3, 8>& displacements, int q) const;
+
+ private:
+  const CellSolution& solution_;
+  GridPoints points_;
+  bool turned_;
+  std::array<Eigen::Matrix<double, 8, 3>, 9> slopes_;  ///< of the corners' functions, in the octants and the middle
+};
+
+/// Strains of a region that are recovered from those of the cells. In cells all of whose neighbours are of the region
+/// they are those in the middle, where they converge faster than elsewhere (Barlow 1976); in others interpolated
+/// between points of the grid, where they are linear fits to those in the octants around, weighted with how much of the
+/// region is there; means where there is too little for one.
 class NodalStrains {
  public:
-  /// Of the layers [first, last) of points; `share` has the layers of cells on both sides of these.
-  NodalStrains(const CellSolution& solution, const RegionShare& share, Index first, Index last);
-  /// At a place whose cell's corners are in these layers: a corner without material counts if no other has some.
+  /// Of these cells. `share` has those beside them, too, as far as there are any of the region. `everywhere`: fits at
+  /// all points, for `at`; else only at those where they are needed.
+  NodalStrains(const CellSolution& solution, const RegionShare& share, const BoxRange& cells, bool everywhere = false);
+  /// In the middle of a cell that is all of the region.
+  Voigt<3> in_middle(const std::array<Index, 3>& cell) const;
+  /// In the middles of the octants of one with some of it.
+  Eigen::Matrix<double, 6, 8> in_octants(const std::array<Index, 3>& cell) const;
+  /// At a place of a cell: a corner without material counts if no other has some. Only with `everywhere`.
   Voigt<3> at(const Place& place) const;
 
  private:
-  GridPoints points_;
-  Eigen::Index before_;  ///< points in the layers below
-  Matrix strains_;       ///< 6 x points, in the world's axes; without any of the region not a number
+  bool is_deep(const std::array<Index, 3>& cell) const { return deep_[cells_.index(cell)] != 0; }
+  void find_deep(const RegionShare& share);
+
+  CellStrains strain_;
+  BoxRange cells_, points_;
+  std::vector<char> deep_;  ///< by cell: all around are of the region
+  Matrix strains_;          ///< 6 x points; without any of the region not a number
 };
 
 }  // namespace efree::internal
