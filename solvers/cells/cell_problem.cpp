@@ -4,6 +4,7 @@
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/geometry/input/box_averages.hpp"
+#include "efree/solvers/cells/internal/body_forces.hpp"
 #include "efree/solvers/cells/internal/cell_loads.hpp"
 #include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
@@ -117,15 +118,15 @@ class SolidParts {
 
 /// Sets the loads of all cases. Returns what they are, by case.
 std::vector<std::vector<AppliedLoad<3>>> set_loads(CellProblem& problem, const std::vector<Loads<3>>& cases,
-                                                   const PartPatches& patches, const std::vector<LabelShare>& shares,
-                                                   double unit) {
+                                                   const PartPatches& patches, const BodyForces& forces, double unit) {
   std::vector<std::vector<AppliedLoad<3>>> applied(cases.size());
   const bool pull = problem.springs.pull();
   for (std::size_t c = 0; c < cases.size(); ++c) {
     Field& load = problem.loads.emplace_back();
     if (!acts(cases[c]) && !pull) continue;
     load = zeros<double>(problem.grid.size());
-    applied[c] = add_loads(problem, cases[c], patches, shares, load);
+    applied[c] = add_loads(problem, cases[c], patches, load);
+    for (AppliedLoad<3>& one : forces.add(problem, c, load)) applied[c].push_back(std::move(one));
     for_all(load.size(), [&](std::size_t i) { load[i] /= unit; });
     problem.springs.add_pull(load.data());
   }
@@ -154,8 +155,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
                         {}};
   const VoxelParts facets = facets_by_part(image, problems.restraints, cases, options.parts);
   PartPatches patches;
-  std::vector<LabelShare> shares;
-  if (std::ranges::any_of(cases, &Loads<3>::inside)) shares = label_shares(image, cells[0]);
+  BodyForces forces(image, cases, cells[0]);
   const PartsOfImage of_image(image, stiffness, cells[0], 0.0);
   std::optional<SolidParts> solid(std::in_place, image, stiffness, of_image, cells[0]);
   CellEigenvalues eigenvalues{};
@@ -211,9 +211,8 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       d = d > 0.0F ? 1.0F / d : 0.0F;
     });
     hold_nodes(problem, patches, l == 0);
-    if (l > 0)
-      for (LabelShare& share : shares) share.part = halved(share.part, cells[l - 1], ratio);
-    auto applied = set_loads(problem, cases, patches, shares, problems.unit);
+    if (l > 0) forces.coarsen(ratio);
+    auto applied = set_loads(problem, cases, patches, forces, problems.unit);
     if (l > 0) continue;
     problems.applied = std::move(applied);
     if (options.held || std::ranges::any_of(cases, acts)) require_held(problem, options.held);

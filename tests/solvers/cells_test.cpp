@@ -291,6 +291,29 @@ TEST(Cells, BarsHangUnderTheirWeightAndAreSolvedTogetherWithOtherCases) {
   }
 }
 
+/// Three layers, the middle one with a density that grows upwards: what hangs below a section is its weight.
+TEST(Cells, WeightsAreThoseOfEachLabelsDensityBitwiseOnAnyNumberOfThreads) {
+  const auto image = image_of({8, 8, 24}, [](const Vec<3>& x) -> Label {
+    return x[2] < 8.0 ? 1 : x[2] < 16.0 ? 2 : 3;
+  });
+  const LinearElastic soft(50.0, 0.0);
+  Loads<3> weight{.tractions = {}, .mass_forces = {acceleration<3>(Vec<3>(0, 0, -1))}};
+  weight.density = {Parameter(0.0), Parameter(3.0), Parameter([](const Vec<3>& x) { return 0.1 * x[2]; }),
+                    Parameter(0.5)};
+  const auto hung = [&] {
+    return solve_on_cells(image, {{}, soft, soft, soft}, {clamp<3>("top")}, weight, {.size = 1.0, .tolerance = 1e-6});
+  };
+  const CellSolution two = hung();
+  const double exact = 64.0 * (8.0 * 3.0 + 0.1 * 12.0 * 8.0 + 8.0 * 0.5);
+  for (const CellLevel& level : two.levels)
+    EXPECT_NEAR(level.reactions.at("top").force.z(), exact, 1e-4 * exact) << level.edges.transpose();
+  set_num_threads(1);
+  const CellSolution one = hung();
+  set_num_threads(2);
+  EXPECT_EQ(one.displacement, two.displacement);
+  EXPECT_EQ(one.applied[0].of.force, two.applied[0].of.force);
+}
+
 /// The soft side of an interface within a cell takes more strain than a continuous one has: 12 % of the energy here.
 TEST(Cells, InterfacesWithinCellsAreInTheStatedError) {
   for (const Index interface : {13, 14, 17}) {

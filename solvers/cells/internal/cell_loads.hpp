@@ -16,23 +16,13 @@ const std::array<std::string, 6>& side_names();
 /// A place in messages.
 std::string text_of(const Vec<3>& x);
 
-/// How much of a label is in the octants of cells, x fastest.
-struct LabelShare {
-  Label label;
-  std::vector<float> part;
-};
-/// Of all labels but void.
-std::vector<LabelShare> label_shares(const LabelImage<3>& image, const std::array<Index, 3>& cells);
-
 /// Whether there is any load.
 bool acts(const Loads<3>& loads);
 
-/// Adds the work-equivalent forces of all loads, unscaled: of tractions and resultants on what a part of the boundary
-/// has in each octant, of forces in the body at the octants' centres, with densities by label. Tractions are taken to
-/// be linear in the normal: they get a vector that times the area of the surface is that of the faces of voxels, whose
-/// sum is exact. Returns what each load is. Throws InputError for loads that are not finite, and a mass force without a
-/// density.
+/// Adds the work-equivalent forces of all loads on the boundary, unscaled, on what its parts have in each octant.
+/// Tractions are taken to be linear in the normal: they get a vector that times the area of the surface is that of the
+/// faces of voxels, whose sum is exact. Returns what each load is. Throws InputError for loads that are not finite.
 std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const PartPatches& patches,
-                                      const std::vector<LabelShare>& shares, Field& to);
+                                      Field& to);
 
 }  // namespace efree::internal
