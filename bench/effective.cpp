@@ -88,7 +88,7 @@ void costs(Index n) {
                     symmetry_plane<3>("front"),
                     symmetry_plane<3>("bottom"),
                     {"top", {}, [](const Vec<3>&) { return 1.0; }}},
-                   {}, {.size = 1.0, .tolerance = 5e-5});
+                   {}, {.size = 1.0});
   });
   const double one = seconds([&] { effective_stiffness(image, materials(), {.size = 1.0, .loads = 1}); });
   const double six = seconds([&] { effective_stiffness(image, materials(), {.size = 1.0}); });

@@ -129,8 +129,9 @@ template <int Dim> void draw_body(const std::filesystem::path& file, const BodyP
 
   draw_scale(canvas, scale);
   canvas.text(fmt::format("{}, displacements drawn x {:.3g}", title, drawn), 50, 1140, 34);
-  std::string facts = fmt::format("body {}, largest displacement {:.4g}", text_of(box_of(undeformed.points)), largest);
-  if (const double peak = body.values.maxCoeff(); peak > scale.range()[1])
+  std::string facts = fmt::format("body {}, largest displacement {:.4g}", text_of(box_of(undeformed.points)),
+                                  body.largest_displacement.value_or(largest));
+  if (const double peak = body.largest_value.value_or(body.values.maxCoeff()); peak > scale.range()[1])
     facts += fmt::format(", largest {} {:.4g}, beyond the scale", name, peak);
   canvas.text(facts, 50, 1098, 26);
   double left = 50.0;

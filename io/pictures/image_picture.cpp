@@ -111,7 +111,9 @@ void draw_fields(const std::filesystem::path& file, const Settings<3>& settings,
   if (skin.triangles.empty()) return;  // all walls are thinner than half a cell
   BodyPicture<3> body{.undeformed = {Points<3>(3, std::ssize(skin.corners)), std::move(skin.triangles), Skin::faces},
                       .displacement = Points<3>(3, std::ssize(skin.corners)),
-                      .values = Vector(std::ssize(skin.corners))};
+                      .values = Vector(std::ssize(skin.corners)),
+                      .largest_displacement = result.extremes[0].value,
+                      .largest_value = result.extremes[1].value};
   const auto& n = cells.grid.cubes;
   for (std::size_t p = 0; p < skin.corners.size(); ++p) {
     const std::size_t at = skin.corners[p], row = n[0] + 1, layer = row * (n[1] + 1);

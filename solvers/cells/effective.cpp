@@ -148,7 +148,7 @@ struct LoadsOnGrid {
 
 /// Solves for some loads at once, from u on. Returns the number of iterations and the largest relative error.
 std::pair<int, double> solve_together(const LoadsOnGrid& problem, std::size_t l, FrameMultigrid& precondition,
-                                      const EffectiveOptions& options, const Stage& stage, int begin, int end,
+                                      double tolerance, int most, const Stage& stage, int begin, int end,
                                       std::vector<Field>& u) {
   struct Iteration {
     int load = 0;
@@ -204,7 +204,7 @@ std::pair<int, double> solve_together(const LoadsOnGrid& problem, std::size_t l,
       if (!(next >= 0.0) || !std::isfinite(next)) throw NumericalError("the iterations on cells break down");
       const double error = std::sqrt(next / std::max({one.energy, problem.least_energy(one.load), next}));
       worst = std::max(worst, error);
-      if (error <= options.tolerance) {
+      if (error <= tolerance) {
         largest = std::max(largest, error);
         continue;
       }
@@ -215,11 +215,11 @@ std::pair<int, double> solve_together(const LoadsOnGrid& problem, std::size_t l,
     }
     active = left;
     if (active.empty()) return {iteration, largest};
-    if (iteration == options.most)
+    if (iteration == most)
       throw NumericalError(
           fmt::format("{} iterations on cells leave a relative error of {:.2g}: materials of very different moduli, or "
                       "a body that hardly hangs together",
-                      options.most, worst));
+                      most, worst));
     multiply([](Iteration& one) { return one.p.data(); });
     for (Iteration* one : active) {
       const double alpha = one->rz / dot(one->p, one->Ap);  // at nodes that are not free p or Ap is 0
@@ -299,6 +299,14 @@ void estimate_grid_error(EffectiveTensor& result, const std::vector<CellCounts>&
     result.extrapolated -= share * last;
 }
 
+/// Of the iterations on the next grid: grids of layers are exact, and then so should be the tensor.
+double tolerance_after(const std::vector<EffectiveLevel>& coarser) {
+  constexpr double least = 5e-5, most = 3e-3, share = 0.01;
+  if (coarser.size() < 2) return least;
+  const double size = kelvin_norm(coarser[0].tensor), change = kelvin_norm(coarser[0].tensor - coarser[1].tensor);
+  return size > 0.0 ? std::clamp(share * std::sqrt(change / size), least, most) : least;
+}
+
 EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& physics, const EffectiveOptions& options,
                                  const std::vector<CellCounts>& cells, const Stage& stage) {
   const bool is_uniform = options.frame == FrameCondition::uniform,
@@ -338,6 +346,7 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
     EffectiveLevel found{.edges = grid.matrix->layout().edges * unit_length,
                          .cells = cells[l][0] * cells[l][1] * cells[l][2]};
     Matrix mean = Matrix::Zero(strains, strains);
+    const double tolerance = options.tolerance > 0.0 ? options.tolerance : tolerance_after(result.levels);
     for (int first = 0; first < loads; first += at_once) {
       const int end = std::min(loads, first + at_once);
       for (int load = first; load < end; ++load) {
@@ -349,7 +358,8 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
         for_all(f.size(), [&](std::size_t i) { f[i] = -f[i]; });
         if (is_uniform) f = frame_load(*grid.matrix, load);
       }
-      const auto [iterations, error] = solve_together(problem, l, precondition, options, stage, first, end, u);
+      const auto [iterations, error] =
+          solve_together(problem, l, precondition, tolerance, options.most, stage, first, end, u);
       found.iterations = std::max(found.iterations, iterations);
       if (l == 0) result.iteration_error = std::max(result.iteration_error, error * error);
       if (!is_uniform)

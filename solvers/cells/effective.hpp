@@ -26,8 +26,9 @@ struct EffectiveOptions {
   /// Whether boundaries between labels are taken to be smooth, planes within voxels (box_averages); else they are the
   /// faces of voxels. Of materials that differ from place to place they are smooth.
   bool smooth = true;
-  /// Of the iterations: relative error in the energy norm. That of the tensor is its square.
-  double tolerance = 5e-5;
+  /// Of the iterations: relative error in the energy norm. That of the tensor is its square. 0: a hundredth of the root
+  /// of what the last two grids differ by, so that of the tensor is a ten thousandth of that, and at least 5e-5.
+  double tolerance = 0.0;
   int most = 300;  ///< iterations on a grid after which it is given up
   int loads = 0;   ///< how many columns of the tensor are computed, the others are 0; 0: all (measurements only)
 };

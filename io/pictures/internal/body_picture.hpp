@@ -5,6 +5,7 @@
 #include "efree/io/pictures/internal/scene.hpp"
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -20,6 +21,8 @@ template <int Dim> struct BodyPicture {
   std::vector<Piece> held{}, loaded{};  ///< pieces of the boundary
   std::vector<Segment> rim{};           ///< in the plane: the boundary
   bool true_to_scale = false;           ///< displacements are drawn as they are, unless they are small
+  /// Of the body, where its points do not have them.
+  std::optional<double> largest_displacement{}, largest_value{};
 };
 
 /// Writes a PNG file, displacements drawn at a fifteenth of the body's size; `name` is what values beyond the scale are
