@@ -144,6 +144,7 @@
 #include "efree/solvers/algorithms/shape_derivative.hpp"
 #include "efree/solvers/algorithms/static_analysis.hpp"
 #include "efree/solvers/cells/cell_fields.hpp"
+#include "efree/solvers/cells/cell_slices.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
 #include "efree/solvers/cells/effective.hpp"
 #include "efree/solvers/equations/equations.hpp"

@@ -116,7 +116,8 @@ template <int Dim> class StaticRun final : public CaseRun {
   void write(Result<Dim>& result, OutputDirectory& out, const Monitor& monitor) const {
     {
       const Stage stage("output", monitor.timing(result.times));
-      for (const char* other : {"fields.png", "error.png", "history.png", "fields.vti"}) out.supersede(other);
+      for (const char* other : {"fields.png", "error.png", "history.png", "fields.vti", "slices.csv"})
+        out.supersede(other);
       const auto draw = [&] {
         draw_fields(out.file("fields.png"), case_, result);
         if (result.error_density.size() > 0) draw_error(out.file("error.png"), case_, result);
@@ -174,6 +175,7 @@ class ImageRun final : public CaseRun {
       });
       if (on_mesh) write_on_mesh(out.file("fields.vtu"), *on_mesh);
     }
+    write_slices(out.file("slices.csv"), case_, *result);
     write_result(out.file("result.json"), case_, *result);
     return {.failure = result->refusal, .rejected_by = result->refusal.empty() ? "" : "solve", .has_results = true};
   }

@@ -6,8 +6,10 @@
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/answer_json.hpp"
 #include "efree/io/records/internal/answer_text.hpp"
+#include "efree/io/records/internal/csv.hpp"
 #include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
+#include "efree/solvers/cells/cell_slices.hpp"
 
 #include <fmt/format.h>
 #include <vtkCellData.h>
@@ -20,6 +22,7 @@
 #include <vtkUnsignedCharArray.h>
 #include <vtkXMLImageDataWriter.h>
 #include <array>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <utility>
 #include <variant>
@@ -120,6 +123,26 @@ void write_fields(const std::filesystem::path& file, const Settings<3>& settings
   writer->EncodeAppendedDataOff();
   writer->SetCompressorTypeToLZ4();
   if (!writer->Write() || writer->GetErrorCode() != 0) internal::cannot_write(file);
+}
+
+void write_slices(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {
+  std::ofstream out(file);
+  out << (settings.cases.empty() ? "" : "case,") << "axis,at,solid,von_mises,largest_von_mises";
+  for (const char* component : tensor_components) out << ",stress_" << component;
+  out << '\n';
+  const auto answers = result.answers();
+  for (std::size_t k = 0; k < answers.size(); ++k) {
+    const auto slices = cell_slices(answers[k]->cells->grid, answers[k]->by_cell);
+    for (std::size_t d = 0; d < 3; ++d)
+      for (const CellSlice& slice : slices[d]) {
+        if (!settings.cases.empty()) out << internal::csv_cell(settings.cases[k].name) << ',';
+        out << fmt::format("{},{:.8g},{:.7g},{:.7g},{:.7g}", "xyz"[d], slice.at, slice.solid, slice.von_mises,
+                           slice.most);
+        for (const double component : slice.stress) out << fmt::format(",{:.7g}", component);
+        out << '\n';
+      }
+  }
+  if (!out.flush()) internal::cannot_write(file);
 }
 
 void write_result(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {

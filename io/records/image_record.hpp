@@ -17,6 +17,10 @@ namespace efree {
 /// material are hidden. Throws InputError if the file cannot be written.
 void write_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result);
 
+/// A line for each layer of cells across the axes of the image, of all load cases (cell_slices), for spreadsheets.
+/// Throws InputError if the file cannot be written.
+void write_slices(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result);
+
 /// Counts, energy, errors, probes, parts of the boundary, seconds: the format is in docs/case-file.md.
 void write_result(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result);
 

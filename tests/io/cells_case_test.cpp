@@ -16,6 +16,9 @@
 #include <vtkXMLImageDataReader.h>
 #include <vtkXMLUnstructuredGridReader.h>
 #include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
 
 namespace efree {
 namespace {
@@ -182,11 +185,47 @@ TEST(CellsCase, SelectionsThatCoverASideAreThatSide) {
   }
 }
 
+/// What holds the top goes through every slice below it.
+TEST(CellsCase, SlicesBearTheForceThatThePlaneAboveThemIsPulledWith) {
+  const Ball work(replaced(ball_case, "file = \"ball.raw\"", "file = \"ball.raw\"\nmesh_size = 0.5") +
+                  "[[case]]\nname = \"plain\"\n[[case]]\nname = \"pressed\"\n[[case.boundary]]\non = "
+                  "\"right\"\npressure = 0.01\n");
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const double pull = json(work / "out/result.json")["reactions"]["top"]["force"][2];
+  std::ifstream table(work / "out/slices.csv");
+  std::string line;
+  std::getline(table, line);
+  EXPECT_EQ(
+      line,
+      "case,axis,at,solid,von_mises,largest_von_mises,stress_xx,stress_yy,stress_zz,stress_yz,stress_xz,stress_xy");
+  std::map<std::string, int> slices;
+  double material = 0.0;
+  while (std::getline(table, line)) {
+    std::stringstream cells(line);
+    std::string name, axis, cell;
+    std::getline(cells, name, ',');
+    std::getline(cells, axis, ',');
+    std::vector<double> value;
+    while (std::getline(cells, cell, ',')) value.push_back(std::stod(cell));
+    ASSERT_EQ(value.size(), 10U);
+    ++slices[name + axis];
+    if (name != "plain" || axis != "z") continue;
+    const double area = value[1] * n * n;
+    material += area * 0.5;
+    EXPECT_NEAR(value[6] * area, pull, 0.01 * pull) << "at " << value[0];
+    EXPECT_NEAR(value[1], value[0] < 8.0 ? 1.0 - M_PI / 4.0 * (64.0 - value[0] * value[0]) / (n * n) : 1.0, 4e-3);
+    EXPECT_GE(value[3], value[2]);
+  }
+  EXPECT_EQ(slices.size(), 6U);
+  for (const auto& [of, count] : slices) EXPECT_EQ(count, 48) << of;
+  EXPECT_NEAR(material, n * n * n - 4.0 / 3.0 * M_PI * 512.0 / 8.0, 10.0);
+}
+
 TEST(CellsCase, FilesAreBitwiseTheSameOnAnyNumberOfThreads) {
   const Ball work(ball_case);
   for (const std::string threads : {"1", "2"})
     ASSERT_EQ(work.efree({"solve", "case.toml", "--out", threads, "--threads", threads}).status, 0);
-  for (const char* file : {"fields.vti", "fields.png"})
+  for (const char* file : {"fields.vti", "fields.png", "slices.csv"})
     EXPECT_TRUE(test::content(work / "1" / file) == test::content(work / "2" / file)) << file;
 }
 
