@@ -2,9 +2,16 @@
 #include "efree/analysis/effective.hpp"
 
 #include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/internal/memory.hpp"
+#include "efree/analysis/internal/prepare_mesh.hpp"
+#include "efree/analysis/internal/resolutions.hpp"
 #include "efree/assembly/materials.hpp"
 #include "efree/core/error.hpp"
+#include "efree/core/internal/clock.hpp"
 #include "efree/core/internal/spectrum.hpp"
+#include "efree/materials/linear_elastic.hpp"
+#include "efree/solvers/algorithms/unit_cell.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -70,6 +77,13 @@ Phases phases_of(const EffectiveSettings& settings, const MadeImage<3>& image) {
   return phases;
 }
 
+/// Of a region of a mesh. Throws InputError where none is said.
+double conductivity_of(const EffectiveSettings& settings, const std::string& region) {
+  for (const RegionConductivity& one : settings.conductivities)
+    if (one.region.empty() || one.region == region) return one.value;
+  throw InputError(said_at(settings.common.where, fmt::format("no conductivity for the region \"{}\"", region)));
+}
+
 EffectiveTensor solve(const EffectiveSettings& settings, const LabelImage<3>& image, const Phases& phases,
                       FrameCondition frame, double size, const Monitor& monitor) {
   const EffectiveOptions options{.frame = frame, .size = size, .smooth = settings.smooth};
@@ -101,28 +115,33 @@ PhaseBounds bounds_of(const std::vector<std::pair<double, double>>& phases, doub
   return {{generalised(0.0), voigt}, {generalised(lower_add), generalised(upper_add)}};
 }
 
-void find_bounds(const EffectiveSettings& settings, const MadeImage<3>& image, const Phases& phases,
-                 EffectiveResult& result) {
+/// A part of the volume and what it is made of.
+struct Phase {
+  std::string region;  ///< "void": nothing
+  double fraction;
+  SharedMaterial material{};
+  double conductivity = 0.0;
+};
+
+void find_bounds(const EffectiveSettings& settings, const std::vector<Phase>& phases, EffectiveResult& result) {
   std::vector<std::pair<double, double>> first, second;  // kappa and mu, or conductivities
-  for (const auto& [label, fraction] : fractions_of(image.image)) {
+  for (const Phase& phase : phases) {
     if (settings.property == EffectiveProperty::conductivity) {
-      first.emplace_back(fraction, label == 0 ? 0.0 : phases.conductivities[label]);
+      first.emplace_back(phase.fraction, phase.conductivity);
       continue;
     }
     double kappa = 0.0, mu = 0.0;
-    if (label != 0) {
-      const SharedMaterial& material = phases.materials[label];
-      if (!material->homogeneous()) return;
-      const VoigtMatrix<3> C = Materials<3>({material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
+    if (phase.material) {
+      if (!phase.material->homogeneous() || !is_isotropic(phase.material, Vec<3>::Zero())) return;
+      const VoigtMatrix<3> C = Materials<3>({phase.material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
       mu = C(5, 5);
-      if (C(0, 1) > 9.0 * mu)  // nu > 0.45
-        result.warnings.push_back(
-            fmt::format("the stiffness may be too high: \"{}\" is nearly incompressible, and trilinear cells lock",
-                        image.region_of_label.at(label)));
+      if (C(0, 1) > 9.0 * mu && !result.on_mesh)  // nu > 0.45
+        result.warnings.push_back(fmt::format(
+            "the stiffness may be too high: \"{}\" is nearly incompressible, and trilinear cells lock", phase.region));
       kappa = C(0, 1) + 2.0 / 3.0 * mu;
     }
-    first.emplace_back(fraction, kappa);
-    second.emplace_back(fraction, mu);
+    first.emplace_back(phase.fraction, kappa);
+    second.emplace_back(phase.fraction, mu);
   }
   const auto extremes = [](const auto& moduli) {
     const auto [low, high] = std::ranges::minmax(moduli, {}, [](const auto& one) { return one.second; });
@@ -245,6 +264,46 @@ SubvolumeStatistics statistics_of_subvolumes(const EffectiveSettings& settings, 
   return result;
 }
 
+/// Of a unit cell on one mesh.
+EffectiveLevel level_on(const EffectiveSettings& settings, const PreparedMesh<3>& prepared, BasisKind kind,
+                        Matrix& mean) {
+  const internal::Stopwatch seconds;
+  const FineMesh<3>& mesh = *prepared.mesh;
+  const Approximation<3> elements = approximate(prepared.mesh, {.kind = kind, .dilatation = Dilatation::pointwise});
+  UnitCellTensor found;
+  if (settings.property == EffectiveProperty::stiffness) {
+    found = effective_stiffness(elements, Materials<3>(prepared.materials, Plane::strain), settings.frame);
+  } else {
+    std::vector<double> by_region;
+    for (const std::string& name : mesh.region_names()) by_region.push_back(conductivity_of(settings, name));
+    found = effective_conductivity(elements, by_region, settings.frame);
+  }
+  mean = found.mean;
+  const double edge = internal::mean_edge(mesh);
+  return {.edges = Vec<3>::Constant(edge), .cells = mesh.num_cells(), .tensor = found.tensor, .seconds = seconds()};
+}
+
+/// What the regions of a unit cell and the void around them have of the box.
+std::vector<Phase> phases_of(const EffectiveSettings& settings, const PreparedMesh<3>& prepared) {
+  const FineMesh<3>& mesh = *prepared.mesh;
+  const double frame = (mesh.vertices().rowwise().maxCoeff() - mesh.vertices().rowwise().minCoeff()).prod();
+  std::vector<Phase> phases;
+  for (Index r = 0; r < mesh.num_regions(); ++r) {
+    const std::string& name = mesh.region_names()[r];
+    if (settings.property == EffectiveProperty::stiffness)
+      phases.push_back({name, 0.0, prepared.materials[r]});
+    else
+      phases.push_back({name, 0.0, {}, conductivity_of(settings, name)});
+  }
+  double filled = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    phases[mesh.region(c)].fraction += mesh.volume(c) / frame;
+    filled += mesh.volume(c) / frame;
+  }
+  if (filled < 1.0 - 1e-9) phases.push_back({"void", 1.0 - filled});
+  return phases;
+}
+
 }  // namespace
 
 EffectiveResult find_effective(const EffectiveSettings& settings, const MadeImage<3>& image,
@@ -261,11 +320,19 @@ EffectiveResult find_effective(const EffectiveSettings& settings, const MadeImag
                                      : "",
                                  fmt::format("subvolumes is {}, which does not divide the {} voxels along {}",
                                              settings.subvolumes, image.image.size[d], "xyz"[d])));
-  for (const auto& [label, fraction] : fractions_of(image.image))
-    result.fractions.push_back({label == 0 ? "void" : image.region_of_label.at(label), fraction});
+  std::vector<Phase> shares;
+  for (const auto& [label, fraction] : fractions_of(image.image)) {
+    shares.push_back({label == 0 ? "void" : image.region_of_label.at(label), fraction});
+    if (label == 0) continue;
+    if (settings.property == EffectiveProperty::stiffness)
+      shares.back().material = phases.materials[label];
+    else
+      shares.back().conductivity = phases.conductivities[label];
+  }
+  for (const Phase& share : shares) result.fractions.push_back({share.region, share.fraction});
   result.tensor = solve(settings, image.image, phases, settings.frame, settings.size, monitor);
   interpret(result);
-  find_bounds(settings, image, phases, result);
+  find_bounds(settings, shares, result);
   if (settings.subvolumes > 1)
     result.subvolumes = statistics_of_subvolumes(settings, image.image, phases, result.tensor, monitor);
   if ((result.tensor.finest().edges - image.image.spacing).maxCoeff() > 1e-9 * image.image.spacing.maxCoeff())
@@ -279,6 +346,64 @@ EffectiveResult find_effective(const EffectiveSettings& settings, const MadeImag
     result.warnings.push_back(
         fmt::format("the tensor may be {:.0f} % off: cells are too large for what the image shows",
                     100.0 * result.tensor.grid_error));
+  return result;
+}
+
+EffectiveResult find_effective(const EffectiveSettings& settings, const MeshSource<3>& source,
+                               const Monitor& monitor_of_run) {
+  EffectiveResult result;
+  result.on_mesh = true;
+  const Monitor monitor = monitor_of_run.timing(result.times);
+  CommonSettings<3> common = settings.common;
+  common.approximation.kind = BasisKind::p2;
+  if (settings.property == EffectiveProperty::conductivity) common.model.material = LinearElastic(1.0, 0.0);
+  std::optional<PreparedMesh<3>> finest;
+  for (const double coarser : {4.0, 2.0, 1.0}) {
+    MeshSource<3> of_size = source;
+    of_size.size *= coarser;
+    of_size.coarsening *= coarser;
+    try {
+      PreparedMesh<3> prepared = internal::prepare_mesh<3>(of_size, common, nullptr, monitor);
+      if (coarser == 1.0) {
+        for (const std::string& remark : prepared.remarks)
+          if (monitor.say) monitor.say(remark);
+        if (!internal::has_memory_for_quadratic_elements(*prepared.mesh))
+          throw InputError(said_at(source.where, fmt::format("{} quadratic cells take more memory than there is: take "
+                                                             "a larger geometry.mesh_size",
+                                                             prepared.mesh->num_cells())));
+      }
+      const Stage stage("solve", monitor);
+      result.tensor.levels.insert(result.tensor.levels.begin(),
+                                  level_on(settings, prepared, BasisKind::p2, result.tensor.mean));
+      finest = std::move(prepared);
+    } catch (const InputError&) {
+      if (coarser == 1.0) throw;  // too coarse for the geometry
+    } catch (const NumericalError&) {
+      if (coarser == 1.0) throw;
+    }
+  }
+  EffectiveTensor& found = result.tensor;
+  found.tensor = found.levels.front().tensor;
+  const auto coarsening = [&](std::size_t a, std::size_t b) {
+    return std::cbrt(static_cast<double>(found.levels[a].cells) / found.levels[b].cells);
+  };
+  estimate_grid_error(found, coarsening, false, 1.0);
+  if (coarsening(0, found.levels.size() - 1) < 1.6) {  // the file has its mesh
+    Matrix mean;
+    const Matrix linear = level_on(settings, *finest, BasisKind::p1, mean).tensor;
+    found.grid_error = (linear - found.tensor).norm() / std::max(found.tensor.norm(), 1e-300);
+    result.warnings.emplace_back(
+        "there is no coarser mesh of this geometry: the error is the distance from linear elements, which is far more "
+        "than that of quadratic ones");
+  }
+  const std::vector<Phase> phases = phases_of(settings, *finest);
+  for (const Phase& phase : phases) result.fractions.push_back({phase.region, phase.fraction});
+  interpret(result);
+  find_bounds(settings, phases, result);
+  result.warnings.insert(result.warnings.end(), finest->warnings.begin(), finest->warnings.end());
+  if (found.grid_error > 0.05)
+    result.warnings.push_back(
+        fmt::format("the tensor may be {:.0f} % off: take a smaller geometry.mesh_size", 100.0 * found.grid_error));
   return result;
 }
 

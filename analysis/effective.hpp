@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Effective properties of an image: from the image and its materials to a tensor and what it says.
+/// Effective properties of an image or a unit cell: from the geometry and its materials to a tensor and what it says.
 #pragma once
 
 #include "efree/analysis/elastic_symmetry.hpp"
@@ -24,7 +24,7 @@ struct RegionConductivity {
   std::string where{};
 };
 
-/// What is asked of an image.
+/// What is asked of an image or a unit cell.
 struct EffectiveSettings {
   CommonSettings<3> common{};  ///< title, places and, for the stiffness, materials
   EffectiveProperty property = EffectiveProperty::stiffness;
@@ -63,7 +63,8 @@ struct SubvolumeStatistics {
 
 /// Effective properties, their errors and what they say.
 struct EffectiveResult {
-  EffectiveTensor tensor;
+  EffectiveTensor tensor;  ///< on meshes edges are the mean ones of their cells
+  bool on_mesh = false;
   std::vector<VolumeFraction> fractions{};
   /// Axes along which there is no stiffness (conductivity): void (an insulator) cuts the volume.
   std::array<bool, 3> is_cut{};
@@ -84,6 +85,12 @@ struct EffectiveResult {
 /// region without material or conductivity, a material of a region that is not there, subvolumes that do not divide the
 /// numbers of voxels, and void that leaves no stiffness at all.
 EffectiveResult find_effective(const EffectiveSettings& settings, const MadeImage<3>& image,
+                               const Monitor& monitor = {});
+
+/// Likewise of a unit cell that a mesh fills, the box around it being its frame: quadratic elements on the mesh of the
+/// source and ones of two and four times its size, from which the error comes. Throws as prepare and
+/// effective_stiffness on meshes; InputError also for more cells than there is memory for.
+EffectiveResult find_effective(const EffectiveSettings& settings, const MeshSource<3>& source,
                                const Monitor& monitor = {});
 
 }  // namespace efree

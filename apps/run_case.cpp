@@ -261,7 +261,7 @@ class EffectiveRun final : public CaseRun {
   EffectiveRun(const EffectiveCase& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
 
   const std::string& title() const override { return case_.common.title; }
-  std::vector<std::string> stages() const override { return {"image", "solve", "subvolumes"}; }
+  std::vector<std::string> stages() const override { return {"image", "mesh", "solve", "subvolumes"}; }
   bool stops_at_steps() const override { return false; }
   bool has_few_steps() const override { return true; }
 

@@ -108,6 +108,7 @@ StaticCase read_static_case(const std::filesystem::path& file, const Reading& re
 }
 
 EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor) {
+  if (!analysis.geometry.image) return find_effective(analysis, analysis.geometry, monitor);
   const MadeImage<3> image = [&] {
     const Stage stage("image", monitor);
     return analysis.geometry.image(stage);

@@ -37,9 +37,9 @@ template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   CaseMark mark{};
 };
 
-/// Effective properties of an image.
+/// Effective properties of an image, which nothing but `efree inspect` meshes, or of a unit cell.
 struct EffectiveCase : EffectiveSettings {
-  MeshSource<3> geometry;  ///< an image, which nothing but `efree inspect` meshes
+  MeshSource<3> geometry;
 };
 
 /// analysis.kind and the geometry decide which.
@@ -84,7 +84,7 @@ DynamicsModel<Dim> build_dynamics_model(const DynamicsCase<Dim>& dynamics_case, 
   return build_dynamics_model<Dim>(prepare(dynamics_case, monitor), dynamics_case, monitor);
 }
 
-/// find_effective with the case's own image. Stages: read, and those of find_effective.
+/// find_effective with the case's own image, or meshes of its geometry. Stages: read, and those of find_effective.
 EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor = {});
 
 }  // namespace efree

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Effective properties of images.
+/// Effective properties of images and unit cells.
 #include "efree/io/case/internal/case_readers.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
 #include "efree/io/case/internal/read_geometry.hpp"
@@ -48,7 +48,7 @@ EffectiveCase read_effective(const CaseText& text) {
   result.common.said = places_in(root);
   result.common.title = root.text("title", text.file.stem().string());
   result.common.model.plane = Plane::strain;
-  if (analysis.has("plane")) analysis.fail("plane", "effective properties are those of images in space: leave it out");
+  if (analysis.has("plane")) analysis.fail("plane", "effective properties are those in space: leave it out");
   result.property = effective.choice<EffectiveProperty>(
       "property", {{"stiffness", EffectiveProperty::stiffness}, {"conductivity", EffectiveProperty::conductivity}},
       EffectiveProperty::stiffness);
@@ -62,8 +62,9 @@ EffectiveCase read_effective(const CaseText& text) {
   result.size = text.geometry.number("mesh_size", positive, 0.0);
   result.geometry = read_geometry<3>(text.geometry, text.folder(), text.reading);
   if (!result.geometry.image)
-    text.geometry.fail(text.geometry.has("file") ? "file" : "shape",
-                       "effective properties are those of images in space on a lattice: take another file");
+    for (const char* key : {"subvolumes", "interfaces"})
+      if (effective.has(key))
+        effective.fail(key, fmt::format("{} is for images in space; this geometry is a mesh", key));
   if (result.property == EffectiveProperty::conductivity) {
     read_conductivities(root, result);
     return result;

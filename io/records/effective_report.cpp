@@ -136,12 +136,14 @@ std::vector<std::string> describe_effective(const EffectiveSettings& settings, c
   for (const VolumeFraction& part : result.fractions)
     parts.push_back(fmt::format("{} {:.4g} %", part.region, 100.0 * part.fraction));
   lines.push_back(fmt::format("volume fractions: {}", fmt::join(parts, ", ")));
-  lines.push_back(fmt::format("{} cells of {:.4g} x {:.4g} x {:.4g}, {} iterations for {} loads", grid.cells,
-                              grid.edges[0], grid.edges[1], grid.edges[2], grid.iterations, found.tensor.rows()));
-  lines.push_back(fmt::format("effective {} under {} conditions{}; error {:.2g} % (grid), {:.1g} % (iterations)",
+  lines.push_back(result.on_mesh
+                      ? fmt::format("{} quadratic cells, edges of {:.4g} in the mean", grid.cells, grid.edges[0])
+                      : fmt::format("{} cells of {:.4g} x {:.4g} x {:.4g}, {} iterations for {} loads", grid.cells,
+                                    grid.edges[0], grid.edges[1], grid.edges[2], grid.iterations, found.tensor.rows()));
+  lines.push_back(fmt::format("effective {} under {} conditions{}; error {:.2g} % ({}), {:.1g} % (iterations)",
                               is_elastic ? "stiffness" : "conductivity", name_of(settings.frame),
                               is_elastic ? " (xx, yy, zz, yz, xz, xy)" : "", 100.0 * found.grid_error,
-                              100.0 * found.iteration_error));
+                              result.on_mesh ? "mesh" : "grid", 100.0 * found.iteration_error));
   for (const std::string& row : rows_of(found.tensor)) lines.push_back(row);
   if (is_elastic) {
     describe_elastic(result, lines);

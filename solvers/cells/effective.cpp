@@ -273,37 +273,13 @@ double coarsening(const CellCounts& fine, const CellCounts& coarse) {
   return std::pow(product, 1.0 / std::max(axes, 1));
 }
 
-/// From three grids, each about twice as coarse as the one before. Where cells mix several voxels (`is_mixed`) errors
-/// of flat interfaces depend on how they happen to cut cells: then differences do not fall steadily, and the last one
-/// alone says too little. Corners of voxels make rates of less than one (`is_smooth`: there are none).
-void estimate_grid_error(EffectiveTensor& result, const std::vector<CellCounts>& cells, bool is_mixed, bool is_smooth) {
-  result.extrapolated = result.tensor;
-  std::vector<std::size_t> chosen{0};
-  for (std::size_t l = 1; l < cells.size() && chosen.size() < 3; ++l)
-    if (coarsening(cells[chosen.back()], cells[l]) > 1.6) chosen.push_back(l);
-  const double size = kelvin_norm(result.tensor);
-  if (chosen.size() < 2 || size == 0.0) return;
-  const Matrix last = result.levels[chosen[1]].tensor - result.tensor;
-  const double now = kelvin_norm(last), ratio = coarsening(cells[0], cells[chosen[1]]);
-  double rate = 1.0, before = now;
-  if (chosen.size() > 2) {
-    before = kelvin_norm(result.levels[chosen[2]].tensor - result.levels[chosen[1]].tensor);
-    const double ratio_before = coarsening(cells[chosen[1]], cells[chosen[2]]);
-    if (now > 0.0) rate = std::clamp(std::log(before / now) / std::log(ratio_before), is_smooth ? 1.0 : 0.5, 2.0);
-  }
-  const double share = 1.0 / (std::pow(ratio, rate) - 1.0);
-  result.grid_error = share * now / size;
-  if (is_mixed)
-    result.grid_error = std::max(result.grid_error, 0.5 * before / size);  // as if at first order
-  else
-    result.extrapolated -= share * last;
-}
-
-/// Of the iterations on the next grid: grids of layers are exact, and then so should be the tensor.
-double tolerance_after(const std::vector<EffectiveLevel>& coarser) {
+/// Of the iterations on a grid, from what the coarser ones found, and it itself if that is known.
+double tolerance_for(const std::vector<EffectiveLevel>& coarser, const Matrix* itself) {
   constexpr double least = 5e-5, most = 3e-3, share = 0.01;
-  if (coarser.size() < 2) return least;
-  const double size = kelvin_norm(coarser[0].tensor), change = kelvin_norm(coarser[0].tensor - coarser[1].tensor);
+  if (coarser.size() < (itself == nullptr ? 2 : 1)) return itself == nullptr ? 2.0 * least : least;
+  const Matrix &finer = itself == nullptr ? coarser[0].tensor : *itself,
+               &before = itself == nullptr ? coarser[1].tensor : coarser[0].tensor;
+  const double size = kelvin_norm(finer), change = kelvin_norm(finer - before);
   return size > 0.0 ? std::clamp(share * std::sqrt(change / size), least, most) : least;
 }
 
@@ -346,39 +322,51 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
     EffectiveLevel found{.edges = grid.matrix->layout().edges * unit_length,
                          .cells = cells[l][0] * cells[l][1] * cells[l][2]};
     Matrix mean = Matrix::Zero(strains, strains);
-    const double tolerance = options.tolerance > 0.0 ? options.tolerance : tolerance_after(result.levels);
-    for (int first = 0; first < loads; first += at_once) {
-      const int end = std::min(loads, first + at_once);
-      for (int load = first; load < end; ++load) {
-        Field& f = problem.force[load];
-        const Vector stress = grid.matrix->apply_strain(applied.col(load), f);
-        problem.given[load] = stress[load];
-        mean.col(load) = physics.unit / volume * stress;
-        grid.fold(f.data());
-        for_all(f.size(), [&](std::size_t i) { f[i] = -f[i]; });
-        if (is_uniform) f = frame_load(*grid.matrix, load);
+    Matrix stresses;
+    const auto solve = [&](double to) {
+      result.iteration_error = 0.0;
+      for (int first = 0; first < loads; first += at_once) {
+        const int end = std::min(loads, first + at_once);
+        for (int load = first; load < end; ++load) {
+          Field& f = problem.force[load];
+          const Vector stress = grid.matrix->apply_strain(applied.col(load), f);
+          problem.given[load] = stress[load];
+          mean.col(load) = physics.unit / volume * stress;
+          grid.fold(f.data());
+          for_all(f.size(), [&](std::size_t i) { f[i] = -f[i]; });
+          if (is_uniform) f = frame_load(*grid.matrix, load);
+        }
+        const auto [iterations, error] =
+            solve_together(problem, l, precondition, to, options.most, stage, first, end, u);
+        found.iterations = std::max(found.iterations, iterations);
+        result.iteration_error = std::max(result.iteration_error, error * error);
+        if (!is_uniform)
+          for (int load = first; load < end; ++load) problem.force[load] = Field();
       }
-      const auto [iterations, error] =
-          solve_together(problem, l, precondition, tolerance, options.most, stage, first, end, u);
-      found.iterations = std::max(found.iterations, iterations);
-      if (l == 0) result.iteration_error = std::max(result.iteration_error, error * error);
-      if (!is_uniform)
-        for (int load = first; load < end; ++load) problem.force[load] = Field();
+      for (int load = 0; load < loads; ++load) grid.spread(u[load].data());
+      const CellAverages means = grid.matrix->averages(u, is_uniform ? none : applied);
+      Matrix tensor = means.energy;
+      stresses = means.stress.topRows(loads);
+      if (is_uniform) {
+        // Compliance from the mean strains, which the tractions' work tells; errors are of second order.
+        Matrix strain(loads, loads);
+        for (int a = 0; a < loads; ++a)
+          for (int b = 0; b < loads; ++b) strain(a, b) = dot(problem.force[a], u[b]) / volume;
+        tensor = inverted(strain + strain.transpose() - means.energy);
+        stresses = strain;
+      }
+      tensor = Matrix(physics.unit * 0.5 * (tensor + tensor.transpose()));
+      if (!tensor.allFinite()) throw NumericalError("the effective tensor is not finite");
+      return tensor;
+    };
+    const bool is_open = options.tolerance == 0.0;
+    double tolerance = is_open ? 0.5 * tolerance_for(result.levels, nullptr) : options.tolerance;
+    Matrix tensor = solve(tolerance);
+    // Where this grid changes far less than the one before did, it is exact, and so should be the tensor.
+    while (is_open && loads == strains && tolerance_for(result.levels, &tensor) < 0.3 * tolerance) {
+      tolerance = tolerance_for(result.levels, &tensor);
+      tensor = solve(tolerance);
     }
-    for (int load = 0; load < loads; ++load) grid.spread(u[load].data());
-    const CellAverages means = grid.matrix->averages(u, is_uniform ? none : applied);
-    Matrix tensor = means.energy;
-    Matrix stresses = means.stress.topRows(loads);
-    if (is_uniform) {
-      // Compliance from the mean strains, which the tractions' work tells; errors are of second order.
-      Matrix strain(loads, loads);
-      for (int a = 0; a < loads; ++a)
-        for (int b = 0; b < loads; ++b) strain(a, b) = dot(problem.force[a], u[b]) / volume;
-      tensor = inverted(strain + strain.transpose() - means.energy);
-      stresses = strain;
-    }
-    tensor = Matrix(physics.unit * 0.5 * (tensor + tensor.transpose()));
-    if (!tensor.allFinite()) throw NumericalError("the effective tensor is not finite");
     found.tensor = Matrix::Zero(strains, strains);
     found.tensor.topLeftCorner(loads, loads) = tensor;
     found.seconds = seconds();
@@ -389,7 +377,8 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
   }
   result.tensor = result.levels.front().tensor;
   const bool is_mixed = (result.finest().edges - image.spacing).maxCoeff() > 1e-9 * image.spacing.maxCoeff();
-  estimate_grid_error(result, cells, is_mixed, options.smooth);
+  const auto of_levels = [&](std::size_t a, std::size_t b) { return coarsening(cells[a], cells[b]); };
+  estimate_grid_error(result, of_levels, is_mixed, options.smooth ? 1.0 : 0.5);  // corners of voxels: less than one
   return result;
 }
 
@@ -495,6 +484,29 @@ std::optional<std::array<int, 3>> halvings(const CellCounts& fine, const CellCou
 }
 
 }  // namespace
+
+void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
+                         bool is_mixed, double slowest) {
+  result.extrapolated = result.tensor;
+  std::vector<std::size_t> chosen{0};
+  for (std::size_t l = 1; l < result.levels.size() && chosen.size() < 3; ++l)
+    if (coarsening(chosen.back(), l) > 1.6) chosen.push_back(l);
+  const double size = kelvin_norm(result.tensor);
+  if (chosen.size() < 2 || size == 0.0) return;
+  const Matrix last = result.levels[chosen[1]].tensor - result.tensor;
+  const double now = kelvin_norm(last), ratio = coarsening(0, chosen[1]);
+  double rate = 1.0, before = now;
+  if (chosen.size() > 2) {
+    before = kelvin_norm(result.levels[chosen[2]].tensor - result.levels[chosen[1]].tensor);
+    if (now > 0.0) rate = std::clamp(std::log(before / now) / std::log(coarsening(chosen[1], chosen[2])), slowest, 2.0);
+  }
+  const double share = 1.0 / (std::pow(ratio, rate) - 1.0);
+  result.grid_error = share * now / size;
+  if (is_mixed)
+    result.grid_error = std::max(result.grid_error, 0.5 * before / size);  // as if at first order
+  else
+    result.extrapolated -= share * last;
+}
 
 EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                     const EffectiveOptions& options, const Monitor& monitor) {

@@ -5,17 +5,12 @@
 #include "efree/core/monitor.hpp"
 #include "efree/geometry/input/label_image.hpp"
 #include "efree/materials/material.hpp"
+#include "efree/solvers/algorithms/unit_cell.hpp"
 
+#include <functional>
 #include <vector>
 
 namespace efree {
-
-/// How the mean strain E (mean stress S) is applied on the image's frame, which bounds the volume.
-enum class FrameCondition {
-  periodic,   ///< u - E x is periodic, the image is a unit cell (Michel, Moulinec & Suquet 1999, eq. 6)
-  kinematic,  ///< u = E x on the frame: the tensor is an upper bound (Huet 1990)
-  uniform,    ///< traction S n on the frame ("static uniform"): the tensor is a lower bound (Huet 1990)
-};
 
 /// How fine and how exact an effective tensor is.
 struct EffectiveOptions {
@@ -27,7 +22,7 @@ struct EffectiveOptions {
   /// faces of voxels. Of materials that differ from place to place they are smooth.
   bool smooth = true;
   /// Of the iterations: relative error in the energy norm. That of the tensor is its square. 0: a hundredth of the root
-  /// of what the last two grids differ by, so that of the tensor is a ten thousandth of that, and at least 5e-5.
+  /// of what the grid differs by from the one before, which is a ten thousandth of that in the tensor, and at least 5e-5.
   double tolerance = 0.0;
   int most = 300;  ///< iterations on a grid after which it is given up
   int loads = 0;   ///< how many columns of the tensor are computed, the others are 0; 0: all (measurements only)
@@ -57,6 +52,13 @@ struct EffectiveTensor {
 
   const EffectiveLevel& finest() const { return levels.front(); }
 };
+
+/// Sets grid_error and extrapolated from the tensors of three levels, each about twice as coarse as the one before;
+/// coarsening(a, b): how much coarser level b is than level a. Where cells mix several voxels (`is_mixed`) errors of
+/// flat interfaces depend on how they happen to cut cells: then differences do not fall steadily, and the last one
+/// alone says too little. Rates are between `slowest` and 2.
+void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
+                         bool is_mixed, double slowest);
 
 /// Effective stiffness of an image whose materials are isotropic, `materials` by label, label 0 void. Trilinear
 /// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Effective tensors of a body that a mesh fills, in the box around it.
+#pragma once
+
+#include "efree/assembly/materials.hpp"
+#include "efree/quadrature/approximation.hpp"
+
+#include <vector>
+
+namespace efree {
+
+/// How the mean strain E (mean stress S) is applied on the frame that bounds a volume.
+enum class FrameCondition {
+  periodic,   ///< u - E x is periodic, the volume is a unit cell (Michel, Moulinec & Suquet 1999, eq. 6)
+  kinematic,  ///< u = E x on the frame: the tensor is an upper bound (Huet 1990)
+  uniform,    ///< traction S n on the frame ("static uniform"): the tensor is a lower bound (Huet 1990)
+};
+
+/// What was found of a unit cell.
+struct UnitCellTensor {
+  Matrix tensor;  ///< between mean stress and mean strain: Voigt order with doubled shears; of a conductivity Dim x Dim
+  Matrix mean;    ///< the stiffness (conductivity) averaged over the frame, void included: Voigt's bound
+  Index unknowns = 0;
+};
+
+/// Effective stiffness, from energies: <e_i : C e_j>. The frame is the box around the mesh, along the axes; what of it
+/// the mesh does not fill is void. Finite elements; sides of the frame need not have like meshes: degrees of freedom on
+/// the upper ones take the values that the functions have at the points opposite (by collocation, which converges with
+/// the mesh; where meshes are alike it is exact). One factor for all loads. Bodies that
+/// nothing connects are held by springs of 1e-10 of the diagonal.
+///
+/// Throws InputError for an approximation that is not of finite elements, a periodic frame on whose opposite side there
+/// is no material at some point, uniform tractions on a frame that the mesh does not fill, NumericalError if the matrix
+/// cannot be factored.
+template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& elements,
+                                                      const Materials<Dim>& materials, FrameCondition frame);
+/// Likewise of a conductor, `conductivities` by region of the mesh; under `uniform` the mean flux is applied.
+template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim>& elements,
+                                                         const std::vector<double>& conductivities,
+                                                         FrameCondition frame);
+
+}  // namespace efree
