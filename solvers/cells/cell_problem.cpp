@@ -171,7 +171,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       const CellGrid& finer = problems.grids.back()->grid;
       layers = halved([&](Index begin, Index end) { return finer.layers(begin, end); }, cells[l - 1], ratio);
     }
-    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact());
+    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact(), stiffness.anisotropy());
     if (l == 0) {
       ratios = grid.parts.ratios();
       dilatation = grid.needed();
@@ -181,7 +181,8 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
     if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
       const PartsOfImage less(image, stiffness, n, -0.5);
       const PartLayers layers_of_less = [&](Index begin, Index end) { return less.layers(begin, end); };
-      problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact());
+      problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact(),
+                              stiffness.anisotropy());
     }
     problems.grids.push_back(std::make_unique<CellProblem>(CellProblem{std::move(grid),
                                                                        image.origin,
