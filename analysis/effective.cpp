@@ -5,6 +5,7 @@
 #include "efree/assembly/materials.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/spectrum.hpp"
+#include "efree/solvers/cells/cell_solver.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -112,7 +113,7 @@ void find_bounds(const EffectiveSettings& settings, const MadeImage<3>& image, c
     double kappa = 0.0, mu = 0.0;
     if (label != 0) {
       const SharedMaterial& material = phases.materials[label];
-      if (!material->homogeneous()) return;
+      if (!material->homogeneous() || !is_isotropic(material, Vec<3>::Zero())) return;
       const VoigtMatrix<3> C = Materials<3>({material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
       mu = C(5, 5);
       if (C(0, 1) > 9.0 * mu)  // nu > 0.45

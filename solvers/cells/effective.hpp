@@ -58,7 +58,7 @@ struct EffectiveTensor {
   const EffectiveLevel& finest() const { return levels.front(); }
 };
 
-/// Effective stiffness of an image whose materials are isotropic, `materials` by label, label 0 void. Trilinear
+/// Effective stiffness of an image, `materials` by label, label 0 void; along the image's axes. Trilinear
 /// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages
 /// sees; where the material changes on faces of voxels only, cells of a voxel represent it exactly. Six mean strains
 /// (stresses) on one hierarchy of grids, together: conjugate gradients preconditioned by geometric multigrid, each grid
@@ -67,9 +67,9 @@ struct EffectiveTensor {
 /// Bodies that nothing connects to the others, and void that cuts all of them, leave parts of the tensor zero. Bitwise
 /// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short.
 ///
-/// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is not
-/// isotropic, an image that is all void, void at the frame under uniform tractions, or too little memory;
-/// NumericalError if the iterations break down or do not end.
+/// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is
+/// anisotropic and differs from place to place, an image that is all void, void at the frame under uniform tractions,
+/// or too little memory; NumericalError if the iterations break down or do not end.
 EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                     const EffectiveOptions& options = {}, const Monitor& monitor = {});
 
