@@ -150,10 +150,26 @@ template <> const double* CellAnisotropy::weight<double>(std::uint32_t material)
   return double_[material].data();
 }
 
+Parts CellAnisotropy::take_shares(const CellLayout& layout, const PartLayers& layers, Index begin, Index end) {
+  if (empty()) return layers(begin, end);
+  constexpr Index shares_at_once = 128, fewest = 4;  // layers times materials
+  const Index step = std::max(fewest, shares_at_once / static_cast<Index>(single_.size()));
+  Parts all;
+  for (Index first = begin; first < end; first += step) {
+    const Parts some = layers(first, std::min(first + step, end));
+    add_layers(layout, some);
+    all.shear.insert(all.shear.end(), some.shear.begin(), some.shear.end());
+    all.across.insert(all.across.end(), some.across.begin(), some.across.end());
+  }
+  return all;
+}
+
 void CellAnisotropy::add_layers(const CellLayout& layout, const Parts& parts) {
-  if (empty()) return;
   const auto& n = layout.cells;
   const PartOrder order(n);
+  std::vector<std::uint32_t> present;
+  for (std::uint32_t m = 0; m < parts.shares.size(); ++m)
+    if (!parts.shares[m].empty()) present.push_back(m);
   const auto layers = static_cast<Index>(parts.shear.size() / order.plane / 2);
   struct Layer {
     std::vector<std::uint32_t> in_block;  ///< shares in it
@@ -167,11 +183,11 @@ void CellAnisotropy::add_layers(const CellLayout& layout, const Parts& parts) {
       for (Index j = 0; j < n[1]; ++j)
         for (Index i = 0; i < n[0]; i += lanes) {
           std::uint32_t count = 0;
-          for (std::size_t m = 0; m < parts.shares.size(); ++m) {
+          for (const std::uint32_t m : present) {
             const std::vector<float>& of = parts.shares[m];
             std::array<float, static_cast<std::size_t>(8) * lanes> share{};
             bool any = false, all = i + lanes <= n[0];
-            for (int q = 0; !of.empty() && q < 8; ++q)
+            for (int q = 0; q < 8; ++q)
               for (int lane = 0; lane < lanes && i + lane < n[0]; ++lane) {
                 const float here = share[q * lanes + lane] = of[order(i + lane, j, k, q)];
                 any = any || here != 0.0F;
@@ -180,7 +196,7 @@ void CellAnisotropy::add_layers(const CellLayout& layout, const Parts& parts) {
             if (!any) continue;
             ++count;
             const auto next = static_cast<std::uint32_t>(layer.parts.size() / share.size());
-            layer.shares.push_back({static_cast<std::uint32_t>(m), all ? whole : next});
+            layer.shares.push_back({m, all ? whole : next});
             if (!all) layer.parts.insert(layer.parts.end(), share.begin(), share.end());
           }
           layer.in_block.push_back(count);

@@ -79,13 +79,7 @@ CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, con
     : CellLayout(cells_, edges_),
       anisotropy(*this, anisotropic),
       parts(
-          *this,
-          [&](Index begin, Index end) {
-            Parts of = layers(begin, end);
-            anisotropy.add_layers(*this, of);
-            return of;
-          },
-          exact) {}
+          *this, [&](Index begin, Index end) { return anisotropy.take_shares(*this, layers, begin, end); }, exact) {}
 
 Parts CellGrid::layers(Index begin, Index end) const {
   const PartOrder order(cells);

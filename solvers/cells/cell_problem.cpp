@@ -142,10 +142,12 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   if (!(options.size >= 0.0)) throw InputError(fmt::format("the size of cells is {}, expected > 0", options.size));
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
-  const std::vector<Triple> cells =
-      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(),
-                 cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts)));
   const LabelStiffness stiffness(image, materials);
+  double memory = cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts));
+  if (const auto anisotropic = stiffness.anisotropic.size(); anisotropic > 0)
+    memory += anisotropic_memory + material_memory * static_cast<double>(anisotropic);
+  const std::vector<Triple> cells =
+      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(), memory);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
   CellProblems problems{restraints(conditions),

@@ -128,15 +128,16 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
 /// Scales how much of materials is in boxes to what is there of all of them: where more than two meet, the boundaries
 /// that each has alone overlap or leave gaps.
 void share_out(const std::vector<float>& all, std::vector<std::vector<float>>& shares) {
+  std::vector<float> sum(all.size(), 0.0F), factor(all.size()), each(all.size());
+  const auto present = std::ranges::count_if(shares, [](const auto& share) { return !share.empty(); });
+  for (const std::vector<float>& share : shares)
+    if (!share.empty()) for_all(all.size(), [&](std::size_t i) { sum[i] += share[i]; });
   for_all(all.size(), [&](std::size_t i) {
-    float sum = 0.0F;
-    int present = 0;
-    for (const std::vector<float>& share : shares)
-      if (!share.empty()) sum += share[i], ++present;
-    if (sum == all[i]) return;
-    for (std::vector<float>& share : shares)
-      if (!share.empty()) share[i] = sum > 0.0F ? share[i] * (all[i] / sum) : all[i] / static_cast<float>(present);
+    factor[i] = sum[i] > 0.0F ? all[i] / sum[i] : 0.0F;
+    each[i] = sum[i] > 0.0F ? 0.0F : all[i] / static_cast<float>(present);
   });
+  for (std::vector<float>& share : shares)
+    if (!share.empty()) for_all(all.size(), [&](std::size_t i) { share[i] = factor[i] * share[i] + each[i]; });
 }
 
 }  // namespace
@@ -264,12 +265,20 @@ Parts PartsOfImage::layers(Index begin, Index end) const {
   }
   if (of_anisotropic_.empty()) return parts;
   const double voxels = static_cast<double>(image_.size[2]) / (boxes_[2] / 2);  // in a layer of cells
+  std::vector<std::size_t> present;
   for (std::size_t m = 0; m < of_anisotropic_.size(); ++m) {
     constexpr double reach = 2.0;  // voxels around on which boundaries depend
     const AnisotropicLabels& of = stiffness_.anisotropic[m];
-    const bool any = end * voxels > of.first - reach && begin * voxels < of.last + reach;
-    parts.shares.push_back(any ? of_anisotropic_[m].layers(2 * begin, 2 * end) : std::vector<float>());
+    if (end * voxels > of.first - reach && begin * voxels < of.last + reach) present.push_back(m);
   }
+  parts.shares.resize(of_anisotropic_.size());
+  // Many side by side, few layer by layer.
+  constexpr std::size_t many = 8;
+  const auto average = [&](std::size_t m) { parts.shares[m] = of_anisotropic_[m].layers(2 * begin, 2 * end); };
+  if (present.size() < many)
+    std::ranges::for_each(present, average);
+  else
+    parallel_chunks(static_cast<Index>(present.size()), 1, [&](Index p, Index) { average(present[p]); });
   if (all_anisotropic_) share_out(all_anisotropic_->layers(2 * begin, 2 * end), parts.shares);
   add_isotropic_parts(stiffness_.anisotropic, parts);
   return parts;

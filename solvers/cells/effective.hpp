@@ -65,7 +65,8 @@ struct EffectiveTensor {
 /// begins with what the coarser one found. Grids need not have even numbers of cells.
 ///
 /// Bodies that nothing connects to the others, and void that cuts all of them, leave parts of the tensor zero. Bitwise
-/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short.
+/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short, and 64 bytes for
+/// each anisotropic material.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is
 /// anisotropic and differs from place to place, an image that is all void, void at the frame under uniform tractions,

@@ -265,8 +265,8 @@ TEST(CellsCase, AnisotropicMaterialsAndInclusionsHaveTheEnergyOfQuadraticElement
     const Ball work(text, inside);
     const ImageResult cells = answer_on_cells(work.read());
     const double energy = energy_of_quadratic_elements(work.read());
-    EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.01 * energy);
-    EXPECT_NEAR(cells.solution.strain_energy, energy, std::pow(cells.estimates->total(), 2) * energy + 0.01 * energy);
+    EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.005 * energy);
+    EXPECT_NEAR(cells.solution.strain_energy, energy, std::pow(cells.estimates->total(), 2) * energy + 0.005 * energy);
     EXPECT_LT(cells.balance.error, 1e-10);
   }
 }

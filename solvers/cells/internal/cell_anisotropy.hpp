@@ -39,8 +39,9 @@ class CellAnisotropy {
 
   /// Whether there is no such material.
   bool empty() const { return single_.empty(); }
-  /// Notes Parts::shares of the next layers, from the first to the last.
-  void add_layers(const CellLayout& layout, const Parts& parts);
+  /// The moduli of the layers [begin, end), which are asked for one after the other, from the first to the last. Notes
+  /// their shares, of many materials few layers at a time.
+  Parts take_shares(const CellLayout& layout, const PartLayers& layers, Index begin, Index end);
   /// Parts::shares of the layers [begin, end).
   std::vector<std::vector<float>> shares(const CellLayout& layout, Index begin, Index end) const;
 
@@ -61,6 +62,8 @@ class CellAnisotropy {
   template <class T> const T* weight(std::uint32_t material) const;
 
  private:
+  void add_layers(const CellLayout& layout, const Parts& parts);
+
   std::vector<std::array<float, 36>> single_;
   std::vector<std::array<double, 36>> double_;
   std::vector<std::uint32_t> begin_;  ///< by block, and the end
