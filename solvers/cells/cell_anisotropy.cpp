@@ -21,15 +21,15 @@ struct Anisotropic {
     using Lanes = std::conditional_t<std::is_same_v<T, float>, Floats, Doubles>;
     for (Index first = i; first < i + static_cast<Index>(sizeof(V) / sizeof(T)); first += W) {
       const auto shares = grid.anisotropy.in_block(grid.block(first, j, k));
-      if (!shares.empty()) of_block<T, Lanes>(grid, shares, u, f, first, j, k);
+      if (!shares.empty()) add_block<T, Lanes>(grid, shares, u, f, first, j, k);
     }
   }
 
  private:
   template <class T, class V>
-  [[gnu::always_inline]] static inline void of_block(const CellGrid& grid,
-                                                     std::span<const CellAnisotropy::Share> shares, const T* u, T* f,
-                                                     Index i, Index j, Index k) {
+  [[gnu::always_inline]] static inline void add_block(const CellGrid& grid,
+                                                      std::span<const CellAnisotropy::Share> shares, const T* u, T* f,
+                                                      Index i, Index j, Index k) {
     const T inverse_edges[3] = {T(grid.inverse_edges[0]), T(grid.inverse_edges[1]), T(grid.inverse_edges[2])};
     const std::size_t nodes = grid.nodes();
     std::size_t at[8];
@@ -119,7 +119,7 @@ IsotropicStiffness isotropic_part(const VoigtMatrix<3>& C, bool nearly_incompres
   return {shear, ratio * shear};
 }
 
-VoigtMatrix<3> along_axes(const VoigtMatrix<3>& C, const Mat<3>& axes) {
+VoigtMatrix<3> rotate_to_axes(const VoigtMatrix<3>& C, const Mat<3>& axes) {
   VoigtMatrix<3> turn;  // strains in the world by strains along the axes
   for (int c = 0; c < 6; ++c) {
     const Mat<3> strain = gradient_of<3>(Voigt<3>::Unit(c)).reshaped(3, 3);

@@ -188,7 +188,7 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
         throw InputError(fmt::format(
             "on cells anisotropic materials are the same everywhere; that of label {} differs from place to place",
             count.label));
-      const VoigtMatrix<3> along_image = along_axes(there, image.axes);
+      const VoigtMatrix<3> along_image = rotate_to_axes(there, image.axes);
       const auto same = std::ranges::find(anisotropic, along_image, &AnisotropicLabels::C);
       if (same != anisotropic.end()) {
         same->labels.push_back(count.label);

@@ -178,7 +178,7 @@ TEST(CellsAnisotropy, IsotropicPartsAreTheLargestBelowTheStiffness) {
   EXPECT_NEAR(below.shear, 2.0, 1e-6);
   EXPECT_LE(3.0 * below.across + 2.0 * below.shear, 13.0 + 1e-6);
   const Mat<3> axes = turned(1.1, {0.3, 0.2, -1.0});
-  EXPECT_LT((internal::along_axes(iso.matrix(), axes) - iso.matrix()).norm(), 1e-12);
+  EXPECT_LT((internal::rotate_to_axes(iso.matrix(), axes) - iso.matrix()).norm(), 1e-12);
 }
 
 TEST(CellsAnisotropy, AnIsotropicMaterialWithThreeAxesIsTheIsotropicOne) {

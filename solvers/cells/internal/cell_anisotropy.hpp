@@ -25,7 +25,7 @@ struct IsotropicStiffness {
 IsotropicStiffness isotropic_part(const VoigtMatrix<3>& C, bool nearly_incompressible);
 
 /// A stiffness in the world's axes, along others (columns).
-VoigtMatrix<3> along_axes(const VoigtMatrix<3>& C, const Mat<3>& axes);
+VoigtMatrix<3> rotate_to_axes(const VoigtMatrix<3>& C, const Mat<3>& axes);
 
 /// The anisotropic parts of materials, C - C_iso, none of which is negative, and how much of each material is in the
 /// parts of a grid's cells. Blocks of cells without such a material take 4 bytes, whole ones 8 more, others 256 more
