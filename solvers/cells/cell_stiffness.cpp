@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <tuple>
 
 namespace efree {
 namespace {
@@ -65,13 +64,28 @@ Vec<3> first_place(const LabelImage<3>& image, Label label) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
-/// Layers of voxels [first, last) beyond which there are none of these labels.
-std::pair<Index, Index> layers_with(const LabelImage<3>& image, const std::vector<Label>& labels) {
-  const auto has_label = [&](Label label) { return std::ranges::find(labels, label) != labels.end(); };
-  const auto plane = static_cast<std::ptrdiff_t>(image.size[0]) * image.size[1];
-  const auto first = std::ranges::find_if(image.labels, has_label) - image.labels.begin(),
-             last = std::find_if(image.labels.rbegin(), image.labels.rend(), has_label).base() - image.labels.begin();
-  return {static_cast<Index>(first / plane), static_cast<Index>((last + plane - 1) / plane)};
+/// Values by label: 1 of these, 0 of others.
+std::vector<float> ones_of(const std::vector<Label>& labels) {
+  std::vector<float> values(*std::ranges::max_element(labels) + 1, 0.0F);
+  for (const Label label : labels) values[label] = 1.0F;
+  return values;
+}
+
+/// Averages over the layers [begin, end) of boxes, where only those of `range` may have some; empty: none of them has.
+std::vector<float> averages_in_layers(const BoxAverages& averages, BoxRange range, const std::array<Index, 3>& boxes,
+                                      Index begin, Index end) {
+  range.begin[2] = std::max(range.begin[2], begin);
+  range.end[2] = std::min(range.end[2], end);
+  if (range.begin[2] >= range.end[2]) return {};
+  const std::vector<float> some = averages.in(range);
+  const BoxRange layers{{0, 0, begin}, {boxes[0], boxes[1], end}};
+  std::vector<float> all(layers.size(), 0.0F);
+  const Index along = range.end[0] - range.begin[0];
+  for (Index k = range.begin[2]; k < range.end[2]; ++k)
+    for (Index j = range.begin[1]; j < range.end[1]; ++j)
+      std::copy_n(some.begin() + static_cast<std::ptrdiff_t>(range.index({range.begin[0], j, k})), along,
+                  all.begin() + static_cast<std::ptrdiff_t>(layers.index({range.begin[0], j, k})));
+  return all;
 }
 
 /// Adds the stiffness of a material that varies in space to the parts of layers of boxes, from `layer` on; `share` is
@@ -156,16 +170,6 @@ void add_isotropic_parts(const std::vector<AnisotropicLabels>& materials, Parts&
   }
 }
 
-BoxAverages part_of_labels(const LabelImage<3>& image, const std::vector<Label>& labels,
-                           const std::array<Index, 3>& boxes, double grown) {
-  std::vector<float> one(*std::ranges::max_element(labels) + 1, 0.0F);
-  for (const Label label : labels) one[label] = 1.0F;
-  return {image, one, boxes, grown};
-}
-BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes, double grown) {
-  return part_of_labels(image, {label}, boxes, grown);
-}
-
 LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
     : shear(materials.size(), 0.0F),
       across(shear),
@@ -195,7 +199,7 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
         continue;
       }
       const bool nearly_incompressible = incompressibility(response.tangent_at(0)) > locking;
-      anisotropic.push_back({{count.label}, along_image, isotropic_part(along_image, nearly_incompressible), 0, 0});
+      anisotropic.push_back({{count.label}, along_image, isotropic_part(along_image, nearly_incompressible)});
       unit = std::max(unit, anisotropic.back().isotropic.shear);
       continue;
     }
@@ -214,7 +218,6 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
     across[l] = static_cast<float>(exact_across[l]);
   }
   for (AnisotropicLabels& of : anisotropic) {
-    std::tie(of.first, of.last) = layers_with(image, of.labels);
     of.C /= unit;
     of.isotropic = {of.isotropic.shear / unit, of.isotropic.across / unit};
   }
@@ -235,14 +238,21 @@ PartsOfImage::PartsOfImage(const LabelImage<3>& image, const LabelStiffness& sti
       ratio_(common_ratio(stiffness.across, stiffness.shear)) {
   if (!ratio_) across_.emplace(image, stiffness.across, boxes_, grown);
   for (const auto& [label, material] : stiffness.varying)
-    of_varying_.push_back(part_of_label(image, label, boxes_, grown));
+    of_varying_.emplace_back(image, ones_of({label}), boxes_, grown);
+  const std::vector<LabelCount> counts = count_labels(image);
   std::vector<Label> anisotropic;
-  for (const AnisotropicLabels& of : stiffness.anisotropic) {
-    of_anisotropic_.push_back(part_of_labels(image, of.labels, boxes_, grown));
+  std::vector<Index> group_of_label(counts.back().label + 1, -1);
+  for (std::size_t m = 0; m < stiffness.anisotropic.size(); ++m) {
+    const AnisotropicLabels& of = stiffness.anisotropic[m];
+    for (const Label label : of.labels) group_of_label[label] = static_cast<Index>(m);
+    of_anisotropic_.emplace_back(image, counts, ones_of(of.labels), boxes_, grown);
     anisotropic.insert(anisotropic.end(), of.labels.begin(), of.labels.end());
     exact_.push_back({static_cast<float>(of.isotropic.shear), static_cast<float>(of.isotropic.across)});
   }
-  if (of_anisotropic_.size() > 1) all_anisotropic_.emplace(part_of_labels(image, anisotropic, boxes_, grown));
+  if (!anisotropic.empty())
+    boxes_of_anisotropic_ =
+        boxes_of_groups(image, group_of_label, static_cast<Index>(stiffness.anisotropic.size()), boxes_);
+  if (of_anisotropic_.size() > 1) all_anisotropic_.emplace(image, counts, ones_of(anisotropic), boxes_, grown);
   if (stiffness.varying.empty() && anisotropic.empty())
     solid_over_shear_ = common_ratio(stiffness.solid, stiffness.shear);
   for (std::size_t l = 0; l < stiffness.shear.size(); ++l)
@@ -264,17 +274,16 @@ Parts PartsOfImage::layers(Index begin, Index end) const {
                 parts);
   }
   if (of_anisotropic_.empty()) return parts;
-  const double voxels = static_cast<double>(image_.size[2]) / (boxes_[2] / 2);  // in a layer of cells
   std::vector<std::size_t> present;
-  for (std::size_t m = 0; m < of_anisotropic_.size(); ++m) {
-    constexpr double reach = 2.0;  // voxels around on which boundaries depend
-    const AnisotropicLabels& of = stiffness_.anisotropic[m];
-    if (end * voxels > of.first - reach && begin * voxels < of.last + reach) present.push_back(m);
-  }
+  for (std::size_t m = 0; m < of_anisotropic_.size(); ++m)
+    if (const BoxRange& of = boxes_of_anisotropic_[m]; of.begin[2] < 2 * end && of.end[2] > 2 * begin)
+      present.push_back(m);
   parts.shares.resize(of_anisotropic_.size());
   // Many side by side, few layer by layer.
   constexpr std::size_t many = 8;
-  const auto average = [&](std::size_t m) { parts.shares[m] = of_anisotropic_[m].layers(2 * begin, 2 * end); };
+  const auto average = [&](std::size_t m) {
+    parts.shares[m] = averages_in_layers(of_anisotropic_[m], boxes_of_anisotropic_[m], boxes_, 2 * begin, 2 * end);
+  };
   if (present.size() < many)
     std::ranges::for_each(present, average);
   else

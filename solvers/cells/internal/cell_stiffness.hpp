@@ -14,18 +14,11 @@
 
 namespace efree::internal {
 
-/// Averages over boxes of how much of some labels, or one, is in them. `grown` as of box_averages.
-BoxAverages part_of_labels(const LabelImage<3>& image, const std::vector<Label>& labels,
-                           const std::array<Index, 3>& boxes, double grown = 0.0);
-BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes,
-                          double grown = 0.0);
-
 /// A homogeneous anisotropic material and the labels that have it.
 struct AnisotropicLabels {
   std::vector<Label> labels;
   VoigtMatrix<3> C;              ///< along the image's axes
   IsotropicStiffness isotropic;  ///< isotropic_part
-  Index first, last;             ///< layers of voxels with these labels: [first, last)
 };
 
 /// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point;
@@ -67,6 +60,7 @@ class PartsOfImage {
   std::optional<float> ratio_, solid_over_shear_;
   std::vector<BoxAverages> of_varying_;         ///< by material that varies: how much of it there is
   std::vector<BoxAverages> of_anisotropic_;     ///< likewise by anisotropic material
+  std::vector<BoxRange> boxes_of_anisotropic_;  ///< that may have some of it
   std::optional<BoxAverages> all_anisotropic_;  ///< of all of these, if there are several
   std::vector<PartStiffness> exact_;
 };
