@@ -180,10 +180,20 @@ void CellAnisotropy::add_layers(const CellLayout& layout, const Parts& parts) {
   parallel_chunks(layers, 1, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k) {
       Layer& layer = found[k];
-      for (Index j = 0; j < n[1]; ++j)
+      std::vector<std::uint32_t> in_row;
+      for (Index j = 0; j < n[1]; ++j) {
+        in_row.clear();
+        for (const std::uint32_t m : present) {
+          bool any = false;
+          for (const int q : {0, 2, 4, 6}) {  // rows of parts
+            const float* row = parts.shares[m].data() + order(0, j, k, q);
+            any = any || std::any_of(row, row + order.along, [](float share) { return share != 0.0F; });
+          }
+          if (any) in_row.push_back(m);
+        }
         for (Index i = 0; i < n[0]; i += lanes) {
           std::uint32_t count = 0;
-          for (const std::uint32_t m : present) {
+          for (const std::uint32_t m : in_row) {
             const std::vector<float>& of = parts.shares[m];
             std::array<float, static_cast<std::size_t>(8) * lanes> share{};
             bool any = false, all = i + lanes <= n[0];
@@ -201,6 +211,7 @@ void CellAnisotropy::add_layers(const CellLayout& layout, const Parts& parts) {
           }
           layer.in_block.push_back(count);
         }
+      }
     }
   });
   for (const Layer& layer : found) {
