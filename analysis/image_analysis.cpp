@@ -73,7 +73,7 @@ Vec<3> middle_of(const LabelImage<3>& image, std::ptrdiff_t voxel) {
 
 /// Why cells do not take a material as it is at a place; empty: they take it.
 std::string why_material_takes_mesh(const SharedMaterial& material, const Vec<3>& x) {
-  if (!is_isotropic(material, x)) return "not isotropic";
+  if (!material->homogeneous() && !is_isotropic(material, x)) return "anisotropic and differs from place to place";
   const MaterialResponse response = respond(*material, Deformation::none(Points<3>(x), material->history_size()), true);
   return incompressibility(response.tangent_at(0)) > bearable_on_cells ? "nearly incompressible" : "";
 }

@@ -4,6 +4,7 @@
 ///
 ///   bench_image_front cells [block | gyroid | gyroid_labels] [size in voxels = 2] [tolerance = 5e-4] [threads = 1]
 ///     [nu = 0.3; references are for 0.3]
+///   bench_image_front anisotropy [block | gyroid | gyroid_labels] [size in voxels = 2] [threads = 1]
 ///   bench_image_front [block | gyroid] [size in voxels = 2] [degree of the cells = 1] [tolerance = 0.01] [spacing in
 ///   voxels = default]
 #include "clock.hpp"
@@ -18,6 +19,7 @@
 #include "efree/solvers/cells/cell_solver.hpp"
 
 #include <sys/resource.h>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -77,9 +79,34 @@ int on_cells(const std::string& name, double size, double tolerance, int threads
   return 0;
 }
 
+/// Iterations by how much stiffer a transversely isotropic material is along its axis than across, which is along x or
+/// oblique.
+int by_anisotropy(const std::string& name, double size, int threads) {
+  const LabelImage<3> image = keep_largest(body_named(name).image).image;
+  set_num_threads(threads);
+  std::printf("| E1 / E3 | axes | iterations on the finest grid, the second, the third | solve [s] | energy |\n");
+  for (const double ratio : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0})
+    for (const bool oblique : {false, true}) {
+      Mat<3> axes = Mat<3>::Identity();
+      if (oblique) axes = Eigen::AngleAxisd(0.7, Vec<3>(1.0, 2.0, 3.0).normalized()).toRotationMatrix();
+      const double shear = 0.4 * std::sqrt(ratio);
+      const OrthotropicElastic material({{ratio, 1.0, 1.0}, Vec<3>::Constant(0.25), {0.4, shear, shear}, axes});
+      StageTimes times;
+      const CellSolution solution =
+          solve_on_cells(image, {{}, material}, pulled(0.01 * image.size[2]), {}, {.size = size}, {.times = &times});
+      std::printf("| %g | %s | %d, %d, %d | %.2f | %.5g |\n", ratio, oblique ? "oblique" : "along x",
+                  solution.levels[0].iterations, solution.levels[1].iterations, solution.levels[2].iterations,
+                  times["solve"], solution.finest().strain_energy);
+    }
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == "anisotropy")
+    return by_anisotropy(argc > 2 ? argv[2] : "block", argc > 3 ? std::atof(argv[3]) : 2.0,
+                         argc > 4 ? std::atoi(argv[4]) : 1);
   if (argc > 1 && std::string(argv[1]) == "cells")
     return on_cells(argc > 2 ? argv[2] : "block", argc > 3 ? std::atof(argv[3]) : 2.0,
                     argc > 4 ? std::atof(argv[4]) : 5e-4, argc > 5 ? std::atoi(argv[5]) : 1,

@@ -4,7 +4,7 @@
 # of one processor. All but the kernels is taken from the library itself.
 set(kernels assembly/block_column assembly/block_matrix basis/lme materials/internal/eight_metals dynamics/kernels
     dynamics/schemes/mpm/transfer_kernels dynamics/schemes/sph/pair_kernels
-    solvers/algorithms/blend solvers/cells/cell_grid solvers/cells/conduction_grid solvers/equations/side_by_side solvers/linear/conjugate_gradients
+    solvers/algorithms/blend solvers/cells/cell_anisotropy solvers/cells/cell_grid solvers/cells/conduction_grid solvers/equations/side_by_side solvers/linear/conjugate_gradients
     solvers/linear/rigid_map solvers/linear/smoothing_pass solvers/linear/supernodes)
 list(JOIN kernels "|" any_kernel)
 list(TRANSFORM kernels APPEND .cpp)

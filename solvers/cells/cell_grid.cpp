@@ -75,8 +75,11 @@ template <Dilatation Of> struct Elastic {
 }  // namespace
 
 CellGrid::CellGrid(const std::array<Index, 3>& cells_, const Vec<3>& edges_, const PartLayers& layers,
-                   const std::vector<PartStiffness>& exact)
-    : CellLayout(cells_, edges_), parts(*this, layers, exact) {}
+                   const std::vector<PartStiffness>& exact, const std::vector<VoigtMatrix<3>>& anisotropic)
+    : CellLayout(cells_, edges_),
+      anisotropy(*this, anisotropic),
+      parts(
+          *this, [&](Index begin, Index end) { return anisotropy.take_shares(*this, layers, begin, end); }, exact) {}
 
 Parts CellGrid::layers(Index begin, Index end) const {
   const PartOrder order(cells);
@@ -93,6 +96,7 @@ Parts CellGrid::layers(Index begin, Index end) const {
             result.across[order(i, j, k, q)] = of.across;
           }
   });
+  result.shares = anisotropy.shares(*this, begin, end);
   return result;
 }
 
@@ -102,17 +106,38 @@ void CellGrid::apply(const float* u, float* f, Dilatation dilatation) const {
 void CellGrid::apply(const double* u, double* f, Dilatation dilatation) const {
   apply(&u, &f, 1, dilatation);
 }
-void CellGrid::apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
+void CellGrid::apply_isotropic(const float* u, float* f, Dilatation dilatation) const {
+  apply_isotropic(&u, &f, 1, dilatation);
+}
+void CellGrid::apply_isotropic(const double* u, double* f, Dilatation dilatation) const {
+  apply_isotropic(&u, &f, 1, dilatation);
+}
+
+namespace {
+
+template <class T, class V> void multiply_elastic(const CellGrid& grid, const T* const* u, T* const* f, int count,
+                                                  Dilatation dilatation, AddAnisotropy<T> anisotropic) {
   if (dilatation == Dilatation::mean)
-    product<Elastic<Dilatation::mean>, float, Floats>(*this, 3, u, f, count);
+    product<Elastic<Dilatation::mean>, T, V>(grid, 3, u, f, count, anisotropic);
   else
-    product<Elastic<Dilatation::local>, float, Floats>(*this, 3, u, f, count);
+    product<Elastic<Dilatation::local>, T, V>(grid, 3, u, f, count, anisotropic);
+}
+
+}  // namespace
+
+void CellGrid::apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
+  multiply_elastic<float, Floats>(*this, u, f, count, dilatation,
+                                  anisotropy.empty() ? nullptr : add_anisotropy<float>());
 }
 void CellGrid::apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const {
-  if (dilatation == Dilatation::mean)
-    product<Elastic<Dilatation::mean>, double, Doubles>(*this, 3, u, f, count);
-  else
-    product<Elastic<Dilatation::local>, double, Doubles>(*this, 3, u, f, count);
+  multiply_elastic<double, Doubles>(*this, u, f, count, dilatation,
+                                    anisotropy.empty() ? nullptr : add_anisotropy<double>());
+}
+void CellGrid::apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
+  multiply_elastic<float, Floats>(*this, u, f, count, dilatation, nullptr);
+}
+void CellGrid::apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const {
+  multiply_elastic<double, Doubles>(*this, u, f, count, dilatation, nullptr);
 }
 
 namespace {

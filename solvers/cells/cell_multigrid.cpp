@@ -105,7 +105,7 @@ void CellMultigrid::factor(const CellProblem& coarsest) {
       const std::size_t dof = c * grid.nodes() + grid.node(i, j, k);
       if (i % 3 == x && j % 3 == y && k % 3 == z && unknown[dof] >= 0) u[dof] = 1.0;
     });
-    coarsest.apply(u.data(), f.data(), Dilatation::local);  // as all coarser grids
+    coarsest.apply_isotropic(u.data(), f.data(), Dilatation::local);  // as all coarser grids
     for_nodes([&](Index i, Index j, Index k) {
       // The one node of this colour among the neighbours.
       const Index a = i + (x - i % 3 + 4) % 3 - 1, b = j + (y - j % 3 + 4) % 3 - 1, d = k + (z - k % 3 + 4) % 3 - 1;
@@ -148,7 +148,7 @@ void CellMultigrid::smooth(std::size_t l, bool from_zero, Dilatation dilatation)
       for_all(w.b.size(), [&](std::size_t i) { w.x[i] = w.step[i] = take * inverse[i] * w.b[i]; });
       continue;
     }
-    problem.apply(w.x.data(), w.rest.data(), dilatation);
+    problem.apply_isotropic(w.x.data(), w.rest.data(), dilatation);
     problem.project(w.rest);
     if (s == 0)
       for_all(w.b.size(), [&](std::size_t i) {
@@ -181,7 +181,7 @@ const SingleField& CellMultigrid::cycle(std::size_t l, Dilatation dilatation) {
   }
   const CellProblem &fine = *grids_[l], &coarse = *grids_[l + 1];
   smooth(l, true, dilatation);
-  fine.apply(w.x.data(), w.rest.data(), dilatation);
+  fine.apply_isotropic(w.x.data(), w.rest.data(), dilatation);
   for_all(w.b.size(), [&](std::size_t i) { w.rest[i] = fine.inverse_diagonal[i] > 0.0F ? w.b[i] - w.rest[i] : 0.0F; });
   fine.project(w.rest);
   take(l + 1);

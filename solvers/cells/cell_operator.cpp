@@ -44,6 +44,12 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
   void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const override {
     multiply(grid_, u, f, count, dilatation);
   }
+  void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const override {
+    multiply_isotropic(grid_, u, f, count, dilatation);
+  }
+  void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const override {
+    multiply_isotropic(grid_, u, f, count, dilatation);
+  }
 
   Vector apply_strain(const Vector& strain, Field& f) override {
     Field u = zeros<double>(size());
@@ -91,6 +97,14 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
   }
   template <class T>
   static void multiply(const ConductionGrid& grid, const T* const* u, T* const* f, int count, Dilatation) {
+    grid.apply(u, f, count);
+  }
+  template <class T> static void multiply_isotropic(const CellGrid& grid, const T* const* u, T* const* f, int count,
+                                                    Dilatation dilatation) {
+    grid.apply_isotropic(u, f, count, dilatation);
+  }
+  template <class T>
+  static void multiply_isotropic(const ConductionGrid& grid, const T* const* u, T* const* f, int count, Dilatation) {
     grid.apply(u, f, count);
   }
   /// f = K u, where nodes at both ends of a flat axis may have different values.
@@ -151,8 +165,11 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
       one = {static_cast<float>(exact[0] * volume - shear), static_cast<float>(exact[1] * volume - across)};
     }
     difference.parts.set_weights(std::move(weights));
+    leave_isotropic(difference);
     return difference;
   }
+  static void leave_isotropic(CellGrid& grid) { grid.anisotropy = CellAnisotropy(grid, {}); }
+  static void leave_isotropic(ConductionGrid&) {}
 };
 
 class ElasticOperator final : public GridOperator<CellGrid, 3> {
@@ -175,8 +192,9 @@ class ConductionOperator final : public GridOperator<ConductionGrid, 1> {
 
 std::unique_ptr<CellOperator> elastic_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
                                                const std::array<bool, 3>& flat, const PartLayers& layers,
-                                               const ExactStiffness& exact) {
-  return std::make_unique<ElasticOperator>(CellGrid(cells, edges, layers, exact.rounded), flat, exact);
+                                               const ExactStiffness& exact,
+                                               const std::vector<VoigtMatrix<3>>& anisotropic) {
+  return std::make_unique<ElasticOperator>(CellGrid(cells, edges, layers, exact.rounded, anisotropic), flat, exact);
 }
 std::unique_ptr<CellOperator> conduction_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
                                                   const std::array<bool, 3>& flat, const PartLayers& layers,

@@ -234,6 +234,8 @@ PartLayers halved(PartLayers finer, const std::array<Index, 3>& cells, const std
     Parts parts = finer(ratio[2] * begin, ratio[2] * end);
     parts.shear = halved(parts.shear, of, ratio);
     if (!parts.across.empty()) parts.across = halved(parts.across, of, ratio);
+    for (std::vector<float>& share : parts.shares)
+      if (!share.empty()) share = halved(share, of, ratio);
     return parts;
   };
 }
@@ -244,7 +246,9 @@ PartLayers layers_of(const Parts& parts, const std::array<Index, 3>& cells) {
       if (from.empty()) return from;
       return std::vector<float>(from.begin() + layer * begin, from.begin() + layer * end);
     };
-    return Parts{cut(parts.shear), cut(parts.across)};
+    Parts result{cut(parts.shear), cut(parts.across)};
+    for (const std::vector<float>& share : parts.shares) result.shares.push_back(cut(share));
+    return result;
   };
 }
 

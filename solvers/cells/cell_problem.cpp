@@ -142,10 +142,12 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   if (!(options.size >= 0.0)) throw InputError(fmt::format("the size of cells is {}, expected > 0", options.size));
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
-  const std::vector<Triple> cells =
-      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(),
-                 cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts)));
   const LabelStiffness stiffness(image, materials);
+  double memory = cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts));
+  if (const auto anisotropic = stiffness.anisotropic.size(); anisotropic > 0)
+    memory += anisotropic_memory + material_memory * static_cast<double>(anisotropic);
+  const std::vector<Triple> cells =
+      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(), memory);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
   CellProblems problems{restraints(conditions),
@@ -171,7 +173,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       const CellGrid& finer = problems.grids.back()->grid;
       layers = halved([&](Index begin, Index end) { return finer.layers(begin, end); }, cells[l - 1], ratio);
     }
-    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact());
+    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact(), stiffness.anisotropy());
     if (l == 0) {
       ratios = grid.parts.ratios();
       dilatation = grid.needed();
@@ -181,7 +183,8 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
     if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
       const PartsOfImage less(image, stiffness, n, -0.5);
       const PartLayers layers_of_less = [&](Index begin, Index end) { return less.layers(begin, end); };
-      problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact());
+      problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact(),
+                              stiffness.anisotropy());
     }
     problems.grids.push_back(std::make_unique<CellProblem>(CellProblem{std::move(grid),
                                                                        image.origin,

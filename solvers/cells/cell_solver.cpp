@@ -43,10 +43,11 @@ class Iterations {
       found.iteration_error = size_ * size_ * next > negligible() ? size_ * std::sqrt(next / scale) : 0.0;
       if (found.iteration_error <= options.tolerance) break;
       if (found.iterations == options.most)
-        throw NumericalError(
-            fmt::format("{} iterations on cells leave a relative error of {:.2g}: materials of very "
-                        "different stiffness, nearly incompressible ones, or a body that hardly hangs together",
-                        options.most, found.iteration_error));
+        throw NumericalError(fmt::format(
+            "{} iterations on cells leave a relative error of {:.2g}: materials of very "
+            "different stiffness, nearly incompressible or strongly anisotropic ones, or a body that hardly hangs "
+            "together",
+            options.most, found.iteration_error));
       if (next < least_fall * replaced) {
         // Rounding has added up: the residual anew, in directions that go on.
         const double size = size_;

@@ -20,8 +20,9 @@ bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
 /// Bulk over shear modulus up to which cells can be solved: that of nu = 0.499.
 inline constexpr double bearable_on_cells = 500.0;
 
-/// Memory that solve_on_cells takes [bytes to a point of the grid], and load_memory for each case that has loads.
-inline constexpr double cell_memory = 145.0, load_memory = 24.0;
+/// Memory that solve_on_cells takes [bytes to a point of the grid], load_memory for each case that has loads, and,
+/// where there are anisotropic materials, anisotropic_memory and material_memory for each of these.
+inline constexpr double cell_memory = 145.0, load_memory = 24.0, anisotropic_memory = 40.0, material_memory = 5.0;
 
 /// How fine and how exact a solution on cells is.
 struct CellOptions {
@@ -87,21 +88,22 @@ struct CellSolution {
 /// gradients preconditioned by geometric multigrid, a Chebyshev polynomial over the diagonal as smoother (Adams,
 /// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
 ///
-/// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of each
-/// octant (of more than two voxels a side: at points two voxels apart, and their mean). Where nu > 0.4 somewhere,
-/// pressures are of the mean dilatation of each cell (Malkus & Hughes 1978); iterations grow as the square root of bulk
-/// over shear modulus. Conditions and loads are on
-/// faces of voxels that bound the material: the sides of the frame, "pores", or CellOptions::parts. Displacements are
-/// set at the grid's points within half a cell of a part; springs and tractions act at the faces, with the area of the
-/// smooth surface that these are the steps of (surface_area), pressures on the faces themselves. Tractions are
-/// taken to be linear in the normal, whose length they may get is not 1. All vectors are in the world's axes, along
-/// which the image need not be. Bodies that nothing holds and nothing loads do not count. Bitwise the same on any
-/// number of threads; memory: cell_memory.
+/// `materials` by label, void 0 left out of account; what differs from place to place is isotropic and taken at the
+/// middle of each octant (of more than two voxels a side: at points two voxels apart, and their mean). Anisotropic
+/// materials are homogeneous; iterations grow as the root of the ratio between their largest and smallest stiffness.
+/// Where nu > 0.4 somewhere, pressures are of the mean dilatation of each cell (Malkus & Hughes 1978); iterations grow
+/// as the square root of bulk over shear modulus. Conditions and loads are on faces of voxels that bound the material:
+/// the sides of the frame, "pores", or CellOptions::parts. Displacements are set at the grid's points within half a
+/// cell of a part; springs and tractions act at the faces, with the area of the smooth surface that these are the steps
+/// of (surface_area), pressures on the faces themselves. Tractions are taken to be linear in the normal, whose length
+/// they may get is not 1. All vectors are in the world's axes, along which the image need not be. Bodies that nothing
+/// holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
-/// or with one that is not isotropic, parts of the boundary that are none or empty, displacements that contradict each
-/// other, pressures that follow the body, mass forces without a density for every label (Loads::density, by label), a
-/// body that is loaded but not held, or too little memory; NumericalError if the iterations break down or do not end.
+/// or with one that is anisotropic and differs from place to place, parts of the boundary that are none or empty,
+/// displacements that contradict each other, pressures that follow the body, mass forces without a density for every
+/// label (Loads::density, by label), a body that is loaded but not held, or too little memory; NumericalError if the
+/// iterations break down or do not end.
 ///
 /// One solution for each load case, with one hierarchy of grids.
 std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,

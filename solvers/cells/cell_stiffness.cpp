@@ -64,6 +64,30 @@ Vec<3> first_place(const LabelImage<3>& image, Label label) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
+/// Values by label: 1 of these, 0 of others.
+std::vector<float> ones_of(const std::vector<Label>& labels) {
+  std::vector<float> values(*std::ranges::max_element(labels) + 1, 0.0F);
+  for (const Label label : labels) values[label] = 1.0F;
+  return values;
+}
+
+/// Averages over the layers [begin, end) of boxes, where only those of `range` may have some; empty: none of them has.
+std::vector<float> averages_in_layers(const BoxAverages& averages, BoxRange range, const std::array<Index, 3>& boxes,
+                                      Index begin, Index end) {
+  range.begin[2] = std::max(range.begin[2], begin);
+  range.end[2] = std::min(range.end[2], end);
+  if (range.begin[2] >= range.end[2]) return {};
+  const std::vector<float> some = averages.in(range);
+  const BoxRange layers{{0, 0, begin}, {boxes[0], boxes[1], end}};
+  std::vector<float> all(layers.size(), 0.0F);
+  const Index along = range.end[0] - range.begin[0];
+  for (Index k = range.begin[2]; k < range.end[2]; ++k)
+    for (Index j = range.begin[1]; j < range.end[1]; ++j)
+      std::copy_n(some.begin() + static_cast<std::ptrdiff_t>(range.index({range.begin[0], j, k})), along,
+                  all.begin() + static_cast<std::ptrdiff_t>(layers.index({range.begin[0], j, k})));
+  return all;
+}
+
 /// Adds the stiffness of a material that varies in space to the parts of layers of boxes, from `layer` on; `share` is
 /// how much of it there is.
 void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
@@ -100,7 +124,8 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
           const auto here = isotropic(response.tangent_at(p));
           if (!here)
             throw InputError(
-                fmt::format("on cells materials are isotropic; that of label {} is not at ({:.6g}, {:.6g}, {:.6g})",
+                fmt::format("on cells materials that differ from place to place are isotropic; that of label {} is not "
+                            "at ({:.6g}, {:.6g}, {:.6g})",
                             label, X(0, p), X(1, p), X(2, p)));
           sum.shear += here->shear;
           sum.across += here->across;
@@ -114,12 +139,35 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
   });
 }
 
+/// Scales how much of materials is in boxes to what is there of all of them: where more than two meet, the boundaries
+/// that each has alone overlap or leave gaps.
+void share_out(const std::vector<float>& all, std::vector<std::vector<float>>& shares) {
+  std::vector<float> sum(all.size(), 0.0F), factor(all.size()), each(all.size());
+  const auto present = std::ranges::count_if(shares, [](const auto& share) { return !share.empty(); });
+  for (const std::vector<float>& share : shares)
+    if (!share.empty()) for_all(all.size(), [&](std::size_t i) { sum[i] += share[i]; });
+  for_all(all.size(), [&](std::size_t i) {
+    factor[i] = sum[i] > 0.0F ? all[i] / sum[i] : 0.0F;
+    each[i] = sum[i] > 0.0F ? 0.0F : all[i] / static_cast<float>(present);
+  });
+  for (std::vector<float>& share : shares)
+    if (!share.empty()) for_all(all.size(), [&](std::size_t i) { share[i] = factor[i] * share[i] + each[i]; });
+}
+
 }  // namespace
 
-BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes, double grown) {
-  std::vector<float> one(label + 1, 0.0F);
-  one[label] = 1.0F;
-  return {image, one, boxes, grown};
+void add_isotropic_parts(const std::vector<AnisotropicLabels>& materials, Parts& parts) {
+  constexpr float rounding = 1e-5F;
+  for (std::size_t m = 0; m < materials.size(); ++m) {
+    const auto shear = static_cast<float>(materials[m].isotropic.shear),
+               across = static_cast<float>(materials[m].isotropic.across);
+    std::vector<float>& share = parts.shares[m];
+    for_all(share.size(), [&](std::size_t i) {
+      if (std::abs(share[i] - 1.0F) < rounding) share[i] = 1.0F;
+      parts.shear[i] += share[i] * shear;
+      parts.across[i] += share[i] * across;
+    });
+  }
 }
 
 LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
@@ -128,6 +176,7 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
       solid(shear),
       exact_shear(materials.size(), 0.0),
       exact_across(exact_shear) {
+  constexpr double locking = 4.67;  // bulk over shear modulus of nu = 0.4
   std::vector<VoigtMatrix<3>> C(materials.size(), VoigtMatrix<3>::Zero());
   for (const LabelCount& count : count_labels(image)) {
     if (count.label == 0) continue;
@@ -135,10 +184,25 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
       throw InputError(fmt::format("the image has the label {}, which has no material", count.label));
     const SharedMaterial& material = materials[count.label];
     const Vec<3> place = first_place(image, count.label);
-    if (!is_isotropic(material, place))
-      throw InputError(fmt::format("on cells materials are isotropic; that of label {} is not", count.label));
     const VoigtMatrix<3> there = Materials<3>({material}, Plane::strain).stiffness(0, place).C;
     solid[count.label] = 1.0F;
+    const MaterialResponse response = tangents(*material, place);
+    if (!isotropic(response.tangent_at(0))) {
+      if (!material->homogeneous())
+        throw InputError(fmt::format(
+            "on cells anisotropic materials are the same everywhere; that of label {} differs from place to place",
+            count.label));
+      const VoigtMatrix<3> along_image = rotate_to_axes(there, image.axes);
+      const auto same = std::ranges::find(anisotropic, along_image, &AnisotropicLabels::C);
+      if (same != anisotropic.end()) {
+        same->labels.push_back(count.label);
+        continue;
+      }
+      const bool nearly_incompressible = incompressibility(response.tangent_at(0)) > locking;
+      anisotropic.push_back({{count.label}, along_image, isotropic_part(along_image, nearly_incompressible)});
+      unit = std::max(unit, anisotropic.back().isotropic.shear);
+      continue;
+    }
     unit = std::max(unit, there(5, 5));
     if (material->homogeneous())
       C[count.label] = there;
@@ -153,6 +217,16 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
     shear[l] = static_cast<float>(exact_shear[l]);
     across[l] = static_cast<float>(exact_across[l]);
   }
+  for (AnisotropicLabels& of : anisotropic) {
+    of.C /= unit;
+    of.isotropic = {of.isotropic.shear / unit, of.isotropic.across / unit};
+  }
+}
+
+std::vector<VoigtMatrix<3>> LabelStiffness::anisotropy() const {
+  std::vector<VoigtMatrix<3>> result;
+  for (const AnisotropicLabels& of : anisotropic) result.push_back(of.C - of.isotropic.matrix());
+  return result;
 }
 
 PartsOfImage::PartsOfImage(const LabelImage<3>& image, const LabelStiffness& stiffness,
@@ -164,8 +238,23 @@ PartsOfImage::PartsOfImage(const LabelImage<3>& image, const LabelStiffness& sti
       ratio_(common_ratio(stiffness.across, stiffness.shear)) {
   if (!ratio_) across_.emplace(image, stiffness.across, boxes_, grown);
   for (const auto& [label, material] : stiffness.varying)
-    of_varying_.push_back(part_of_label(image, label, boxes_, grown));
-  if (stiffness.varying.empty()) solid_over_shear_ = common_ratio(stiffness.solid, stiffness.shear);
+    of_varying_.emplace_back(image, ones_of({label}), boxes_, grown);
+  const std::vector<LabelCount> counts = count_labels(image);
+  std::vector<Label> anisotropic;
+  std::vector<Index> group_of_label(counts.back().label + 1, -1);
+  for (std::size_t m = 0; m < stiffness.anisotropic.size(); ++m) {
+    const AnisotropicLabels& of = stiffness.anisotropic[m];
+    for (const Label label : of.labels) group_of_label[label] = static_cast<Index>(m);
+    of_anisotropic_.emplace_back(image, counts, ones_of(of.labels), boxes_, grown);
+    anisotropic.insert(anisotropic.end(), of.labels.begin(), of.labels.end());
+    exact_.push_back({static_cast<float>(of.isotropic.shear), static_cast<float>(of.isotropic.across)});
+  }
+  if (!anisotropic.empty())
+    boxes_of_anisotropic_ =
+        boxes_of_groups(image, group_of_label, static_cast<Index>(stiffness.anisotropic.size()), boxes_);
+  if (of_anisotropic_.size() > 1) all_anisotropic_.emplace(image, counts, ones_of(anisotropic), boxes_, grown);
+  if (stiffness.varying.empty() && anisotropic.empty())
+    solid_over_shear_ = common_ratio(stiffness.solid, stiffness.shear);
   for (std::size_t l = 0; l < stiffness.shear.size(); ++l)
     if (stiffness.shear[l] > 0.0F)
       exact_.push_back({stiffness.shear[l], ratio_ ? *ratio_ * stiffness.shear[l] : stiffness.across[l]});
@@ -184,16 +273,42 @@ Parts PartsOfImage::layers(Index begin, Index end) const {
     add_varying(image_, label, *material, stiffness_.unit, boxes_, 2 * begin, of_varying_[v].layers(2 * begin, 2 * end),
                 parts);
   }
+  if (of_anisotropic_.empty()) return parts;
+  std::vector<std::size_t> present;
+  for (std::size_t m = 0; m < of_anisotropic_.size(); ++m)
+    if (const BoxRange& of = boxes_of_anisotropic_[m]; of.begin[2] < 2 * end && of.end[2] > 2 * begin)
+      present.push_back(m);
+  parts.shares.resize(of_anisotropic_.size());
+  // Many side by side, few layer by layer.
+  constexpr std::size_t many = 8;
+  const auto average = [&](std::size_t m) {
+    parts.shares[m] = averages_in_layers(of_anisotropic_[m], boxes_of_anisotropic_[m], boxes_, 2 * begin, 2 * end);
+  };
+  if (present.size() < many)
+    std::ranges::for_each(present, average);
+  else
+    parallel_chunks(static_cast<Index>(present.size()), 1, [&](Index p, Index) { average(present[p]); });
+  if (all_anisotropic_) share_out(all_anisotropic_->layers(2 * begin, 2 * end), parts.shares);
+  add_isotropic_parts(stiffness_.anisotropic, parts);
   return parts;
 }
 
 namespace {
+
+/// What belongs to each part.
+std::vector<std::vector<float>*> values_of(Parts& parts) {
+  std::vector<std::vector<float>*> values{&parts.shear, &parts.across};
+  for (std::vector<float>& share : parts.shares)
+    if (!share.empty()) values.push_back(&share);
+  return values;
+}
 
 /// Spreads a little of the stiffness of cells with up to three parts of material over all of their parts.
 void spread(Parts& parts, const std::array<Index, 3>& cells) {
   constexpr float spread = 1.0F / 30.0F, nothing = 0.02F;
   constexpr int few = 3;
   const PartOrder order(cells);
+  const auto all_values = values_of(parts);
   parallel_chunks(cells[2], 1, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k)
       for (Index j = 0; j < cells[1]; ++j)
@@ -205,7 +320,7 @@ void spread(Parts& parts, const std::array<Index, 3>& cells) {
           int with_material = 0;
           for (int q = 0; q < 8; ++q) with_material += parts.shear[part(q)] > nothing * most;
           if (with_material > few) continue;
-          for (auto* values : {&parts.shear, &parts.across}) {
+          for (auto* values : all_values) {
             float mean = 0.0F;
             for (int q = 0; q < 8; ++q) mean += 0.125F * (*values)[part(q)];
             for (int q = 0; q < 8; ++q) (*values)[part(q)] += spread * (mean - (*values)[part(q)]);
@@ -217,6 +332,7 @@ void spread(Parts& parts, const std::array<Index, 3>& cells) {
 /// What stabilised says, of parts of so many cells.
 Parts stabilise(Parts parts, const std::array<Index, 3>& cells) {
   spread(parts, cells);
+  const auto all_values = values_of(parts);
   constexpr float moved = 1.0F / 30.0F, nothing = 0.02F;
   const std::array<std::size_t, 3> size{2 * static_cast<std::size_t>(cells[0]), 2 * static_cast<std::size_t>(cells[1]),
                                         2 * static_cast<std::size_t>(cells[2])},
@@ -234,7 +350,7 @@ Parts stabilise(Parts parts, const std::array<Index, 3>& cells) {
             const float after = k + 2 < size[axis] ? parts.shear[high + stride[axis]] : 0.0F, of_low = parts.shear[low],
                         of_high = parts.shear[high];
             const auto move = [&](std::size_t from, std::size_t to) {
-              for (auto* values : {&parts.shear, &parts.across}) {
+              for (auto* values : all_values) {
                 const float part = moved * (*values)[from];
                 (*values)[from] -= part;
                 (*values)[to] += part;

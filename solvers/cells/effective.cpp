@@ -523,23 +523,43 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
       exact.rounded.push_back({stiffness.shear[label], stiffness.across[label]});
       exact.exact.push_back({stiffness.exact_shear[label], stiffness.exact_across[label]});
     }
+  for (const internal::AnisotropicLabels& of : stiffness.anisotropic) {
+    exact.rounded.push_back({static_cast<float>(of.isotropic.shear), static_cast<float>(of.isotropic.across)});
+    exact.exact.push_back({of.isotropic.shear, of.isotropic.across});
+  }
+  const std::vector<VoigtMatrix<3>> anisotropy = stiffness.anisotropy();
   Parts parts;
+  parts.shares.resize(anisotropy.size());
+  std::vector<std::vector<float>*> values{&parts.shear, &parts.across};
+  for (std::vector<float>& share : parts.shares) values.push_back(&share);
   CellCounts before{};
   const auto matrix = [&](const CellCounts& n, const Vec<3>& edges, const std::array<bool, 3>& flat) {
     const auto ratio = before[0] > 0 ? halvings(before, n) : std::nullopt;
-    if (ratio)
-      parts = {internal::halved(parts.shear, before, *ratio), internal::halved(parts.across, before, *ratio)};
-    else if (!options.smooth && stiffness.varying.empty())
-      parts = {voxel_averages(image, stiffness.shear, {2 * n[0], 2 * n[1], 2 * n[2]}),
-               voxel_averages(image, stiffness.across, {2 * n[0], 2 * n[1], 2 * n[2]})};
-    else
-      average_parts(image, n, options.frame,
-                    [&](const LabelImage<3>& of, const CellCounts& by) {
-                      parts = internal::PartsOfImage(of, stiffness, by, 0.0).layers(0, by[2]);
-                    },
-                    {&parts.shear, &parts.across});
+    if (ratio) {
+      for (std::vector<float>* of : values) *of = internal::halved(*of, before, *ratio);
+    } else if (!options.smooth && stiffness.varying.empty()) {
+      const CellCounts boxes{2 * n[0], 2 * n[1], 2 * n[2]};
+      parts.shear = voxel_averages(image, stiffness.shear, boxes);
+      parts.across = voxel_averages(image, stiffness.across, boxes);
+      for (std::size_t m = 0; m < parts.shares.size(); ++m) {
+        std::vector<float> one(stiffness.solid.size(), 0.0F);
+        for (const Label label : stiffness.anisotropic[m].labels) one[label] = 1.0F;
+        parts.shares[m] = voxel_averages(image, one, boxes);
+      }
+      internal::add_isotropic_parts(stiffness.anisotropic, parts);
+    } else {
+      average_parts(
+          image, n, options.frame,
+          [&](const LabelImage<3>& of, const CellCounts& by) {
+            Parts found = internal::PartsOfImage(of, stiffness, by, 0.0).layers(0, by[2]);
+            parts.shear = std::move(found.shear);
+            parts.across = std::move(found.across);
+            std::ranges::move(found.shares, parts.shares.begin());
+          },
+          values);
+    }
     before = n;
-    return internal::elastic_operator(n, edges, flat, internal::layers_of(parts, n), exact);
+    return internal::elastic_operator(n, edges, flat, internal::layers_of(parts, n), exact, anisotropy);
   };
   return effective_tensor(image, {3, stiffness.unit, matrix}, options, cells, stage);
 }

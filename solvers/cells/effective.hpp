@@ -60,18 +60,19 @@ struct EffectiveTensor {
 void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
                          bool is_mixed, double slowest);
 
-/// Effective stiffness of an image whose materials are isotropic, `materials` by label, label 0 void. Trilinear
+/// Effective stiffness of an image, `materials` by label, label 0 void; along the image's axes. Trilinear
 /// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages
 /// sees; where the material changes on faces of voxels only, cells of a voxel represent it exactly. Six mean strains
 /// (stresses) on one hierarchy of grids, together: conjugate gradients preconditioned by geometric multigrid, each grid
 /// begins with what the coarser one found. Grids need not have even numbers of cells.
 ///
 /// Bodies that nothing connects to the others, and void that cuts all of them, leave parts of the tensor zero. Bitwise
-/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short.
+/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short, and 64 bytes for
+/// each anisotropic material.
 ///
-/// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is not
-/// isotropic, an image that is all void, void at the frame under uniform tractions, or too little memory;
-/// NumericalError if the iterations break down or do not end.
+/// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is
+/// anisotropic and differs from place to place, an image that is all void, void at the frame under uniform tractions,
+/// or too little memory; NumericalError if the iterations break down or do not end.
 EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                     const EffectiveOptions& options = {}, const Monitor& monitor = {});
 

@@ -71,18 +71,10 @@ template <class T> void FrameGrid::fold(T* f) const {
     }
 }
 
-template <class T> void FrameGrid::multiply(T* const* u, T* const* f, int count, Dilatation dilatation) const {
-  for (int r = 0; r < count; ++r) spread(u[r]);
-  matrix->apply(u, f, count, dilatation);
-  for (int r = 0; r < count; ++r) fold(f[r]);
-}
-
 template void FrameGrid::spread(float*) const;
 template void FrameGrid::spread(double*) const;
 template void FrameGrid::fold(float*) const;
 template void FrameGrid::fold(double*) const;
-template void FrameGrid::multiply(float* const*, float* const*, int, Dilatation) const;
-template void FrameGrid::multiply(double* const*, double* const*, int, Dilatation) const;
 
 Transfer::Transfer(const FrameGrid& coarse, const FrameGrid& fine) : coarse_(&coarse), fine_(&fine) {
   for (int d = 0; d < 3; ++d) {
@@ -192,7 +184,7 @@ void FrameMultigrid::invert_coarsest() {
   for (Index column = 0; column < unknowns; ++column) {
     for_all(size, [&](std::size_t i) { u[i] = 0.0; });
     u[coarsest_dofs_[column]] = 1.0;
-    grid.multiply(&from, &to, 1, Dilatation::local);
+    grid.multiply_isotropic(&from, &to, 1, Dilatation::local);
     for (Index row = 0; row < unknowns; ++row) K(row, column) = f[coarsest_dofs_[row]];
   }
   if (unknowns == 0) return;
@@ -209,7 +201,7 @@ void FrameMultigrid::multiply(std::size_t l, int count, Dilatation dilatation) {
     u[r] = work_[l][r].x.data();
     f[r] = work_[l][r].rest.data();
   }
-  grids_[l].multiply(u.data(), f.data(), count, dilatation);
+  grids_[l].multiply_isotropic(u.data(), f.data(), count, dilatation);
 }
 
 /// x += a polynomial of b - K x (chebyshev_steps).

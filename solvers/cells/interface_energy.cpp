@@ -19,8 +19,9 @@ namespace {
 /// A material of the image, and how much of it is in each cell.
 struct Phase {
   const SharedMaterial* material;
-  double modulus;  ///< C_xxxx at the middle of the image [stress]
-  BoxRange cells;  ///< that may have some of it
+  VoigtMatrix<3> C;  ///< at the middle of the image [stress]
+  double modulus;    ///< C_xxxx of it
+  BoxRange cells;    ///< that may have some of it
   std::vector<float> part;
 
   double in(const std::array<Index, 3>& cell) const {
@@ -62,10 +63,18 @@ class MixedCells {
       if (count.label == 0) continue;
       const SharedMaterial& material = materials[count.label];
       phase_of_label[count.label] = static_cast<Index>(phases_.size());
-      phases_.push_back({&material, Materials<3>({material}, Plane::strain).stiffness(0, middle).C(0, 0), {}, {}});
+      const VoigtMatrix<3> C = Materials<3>({material}, Plane::strain).stiffness(0, middle).C;
+      phases_.push_back({&material, C, C(0, 0), {}, {}});
+      anisotropic_ = anisotropic_ || !is_isotropic(material, middle);
     }
-    const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
-    different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
+    if (anisotropic_) {
+      const VoigtMatrix<3>& first = phases_.front().C;
+      for (const Phase& phase : phases_)
+        different_ = different_ || (phase.C - first).norm() > least_contrast * first.norm();
+    } else {
+      const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
+      different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
+    }
     if (!different_) return;
     const auto cells = boxes_of_groups(image, phase_of_label, static_cast<Index>(phases_.size()), n_);
     for (std::size_t label = 0; label < phase_of_label.size(); ++label) {
@@ -119,8 +128,48 @@ class MixedCells {
     }
     return all > 0.0 ? sum / all : 0.0;
   }
+  /// How much of the material in a cell is of a phase; nothing in void.
+  std::optional<double> share(const Phase& phase, const std::array<Index, 3>& at) const {
+    double all = 0.0;
+    for (const Phase& one : phases_) all += one.in(at);
+    if (!(all > 0.0)) return {};
+    return phase.in(at) / all;
+  }
+  /// As normal, whatever the materials are: along the steepest change of a phase's share.
+  Vec<3> normal_by_shares(const std::array<Index, 3>& at) const {
+    Vec<3> steepest = Vec<3>::Zero();
+    const Phase* stiffer = nullptr;
+    for (const Phase& phase : phases_) {
+      const double here = share(phase, at).value_or(0.0);
+      if (here <= least_part) continue;
+      Vec<3> gradient;
+      for (int d = 0; d < 3; ++d) {
+        double ends[2];
+        for (int s = 0; s < 2; ++s) {
+          auto next = at;
+          next[d] += 2 * s - 1;
+          ends[s] = next[d] < 0 || next[d] >= n_[d] ? here : share(phase, next).value_or(here);
+        }
+        gradient[d] = (ends[1] - ends[0]) / solution_.grid.spacing[d];
+      }
+      if (gradient.norm() > steepest.norm()) steepest = gradient, stiffer = &phase;
+    }
+    if (steepest.norm() * solution_.grid.spacing.minCoeff() <= 1e-6) return Vec<3>::Zero();
+    const Vec<3> along = steepest.normalized(), n = solution_.axes * along;
+    const Voigt<3> stretch = strain_of<3>(Mat<3>(n * n.transpose()).reshaped());
+    const auto stiffness = [&](const Phase& phase) { return stretch.dot(phase.C * stretch); };
+    double of_others = 0.0, others = 0.0;
+    for (const Phase& phase : phases_) {
+      const double part = &phase == stiffer ? 0.0 : phase.in(at);
+      if (part == 0.0) continue;
+      of_others += part * stiffness(phase);
+      others += part;
+    }
+    return stiffness(*stiffer) * others >= of_others ? along : Vec<3>(-along);
+  }
   /// Towards the stiffer material, of length 1, in the image's axes; zero if there is no such direction.
   Vec<3> normal(const std::array<Index, 3>& at) const {
+    if (anisotropic_) return normal_by_shares(at);
     Vec<3> gradient;
     const double here = modulus(at);
     for (int d = 0; d < 3; ++d) {
@@ -203,7 +252,7 @@ class MixedCells {
   BoxRange all_{{0, 0, 0}, n_};
   std::vector<Phase> phases_;
   std::vector<std::uint8_t> phases_in_;  ///< by cell, how many
-  bool different_ = false;
+  bool different_ = false, anisotropic_ = false;
 };
 
 }  // namespace

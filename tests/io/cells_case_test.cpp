@@ -248,6 +248,29 @@ TEST(CellsCase, InclusionsHaveTheirMaterialsByName) {
   EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.01 * energy);
 }
 
+const std::string orthotropic = R"([material]
+model = "orthotropic"
+E = [10, 3, 1]
+nu = [0.3, 0.25, 0.35]
+G = [0.7, 1.1, 2]
+axes = [[1, 1, 0], [-1, 1, 1]]
+)";
+
+TEST(CellsCase, AnisotropicMaterialsAndInclusionsHaveTheEnergyOfQuadraticElements) {
+  for (const unsigned char inside : {0, 2}) {
+    std::string text = replaced(ball_case, "[material]\nE = 1\nnu = 0.3\n", orthotropic);
+    if (inside == 2)
+      text =
+          replaced(text, "[material]", "[[material]]\nregion = \"2\"\nE = 20\nnu = 0.2\n[[material]]\nregion = \"1\"");
+    const Ball work(text, inside);
+    const ImageResult cells = answer_on_cells(work.read());
+    const double energy = energy_of_quadratic_elements(work.read());
+    EXPECT_NEAR(cells.cells->extrapolated_energy, energy, 0.005 * energy);
+    EXPECT_NEAR(cells.solution.strain_energy, energy, std::pow(cells.estimates->total(), 2) * energy + 0.005 * energy);
+    EXPECT_LT(cells.balance.error, 1e-10);
+  }
+}
+
 TEST(CellsCase, FinerGridsFollowUntilAnAccuracyIsReached) {
   const Ball work(ball_case + "[accuracy]\nenergy = 0.02\n");
   const ImageResult result = answer_on_cells(work.read());
@@ -346,6 +369,15 @@ TEST(CellsCase, WarningsNameTheirLoadCase) {
                   "[9, 0, 0]\n");
   const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
   EXPECT_THAT(run.output, HasSubstr("case \"plain\": in the energy norm the grid leaves an error of about"));
+}
+
+TEST(CellsCase, AnisotropicMaterialsThatDifferFromPlaceToPlaceSayThatTheyTakeAMesh) {
+  const Ball work(replaced(ball_case, "[material]\nE = 1\nnu = 0.3\n", orthotropic + "factor = \"1 + 0.01 * x\"\n"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_THAT(run.output, HasSubstr("not on cells, as the material of the region \"1\" is anisotropic and differs from "
+                                    "place to place"));
+  EXPECT_TRUE(fs::exists(work / "out/fields.vtu"));
 }
 
 TEST(CellsCase, WhatTakesAMeshSaysSo) {

@@ -111,6 +111,19 @@ TEST(EffectiveCase, GivesTheTensorOfFibresAndWhatItSays) {
   }
 }
 
+TEST(EffectiveCase, OrthotropicFibresCountByTheirModulusAlongThem) {
+  const Body body(replaced(fibres, "E = 10\nnu = 0.2\n",
+                           "model = \"orthotropic\"\nE = [10, 2, 2]\nnu = [0.3, 0.25, 0.25]\nG = [0.8, 1.5, 1.5]\n"
+                           "axes = [[0, 0, 1], [1, 0, 0]]\n"));
+  const Workspace::Run run = body.efree({"solve", "case.toml", "--out", "out", "--quiet"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto result = json(body / "out/result.json");
+  const double f = result["volume_fractions"]["fibre"];
+  EXPECT_NEAR(result["engineering"]["E"][2].get<double>(), f * 10.0 + (1.0 - f) * 1.0, 0.02);
+  EXPECT_LT(result["engineering"]["E"][0].get<double>(), f * 2.0 + (1.0 - f) * 1.0);
+  EXPECT_FALSE(result.contains("bounds")) << "those are of isotropic phases";
+}
+
 TEST(EffectiveCase, OfSubvolumesSaysHowTheyScatter) {
   const std::string text = replaced(fibres, "boundary = \"periodic\"",
                                     "property = \"conductivity\"\nsubvolumes = 2\nboundary = \"kinematic\"");

@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -82,6 +83,49 @@ Matrix laminate(const std::array<double, 2>& fraction, const std::array<LameModu
   return C;
 }
 
+/// E 10 : 3 : 1 along axes of its own.
+OrthotropicElastic tilted(double angle) {
+  const Mat<3> axes = Eigen::AngleAxisd(angle, Vec<3>(1.0, -2.0, 0.5).normalized()).toRotationMatrix();
+  return OrthotropicElastic({{10.0, 3.0, 1.0}, {0.3, 0.25, 0.35}, {0.7, 1.1, 2.0}, axes});
+}
+Mat<3> tensor_of(const Vector& strain) {
+  Mat<3> tensor;
+  tensor << strain[0], 0.5 * strain[5], 0.5 * strain[4], 0.5 * strain[5], strain[1], 0.5 * strain[3], 0.5 * strain[4],
+      0.5 * strain[3], strain[2];
+  return tensor;
+}
+/// Stress of a displacement gradient.
+Mat<3> stress_of(const SharedMaterial& material, const Mat<3>& gradient) {
+  Deformation deformation = Deformation::none(Points<3>(Vec<3>::Zero()), material->history_size());
+  deformation.F.col(0) += gradient.reshaped();
+  return respond(*material, deformation, false).P.col(0).reshaped(3, 3);
+}
+/// Layers normal to an axis, of any materials: gradients E + a_i n with one traction, and a_i whose mean is zero.
+Matrix laminate_of(const std::array<double, 2>& fraction, const std::array<SharedMaterial, 2>& materials, int axis) {
+  const Vec<3> n = Vec<3>::Unit(axis);
+  std::array<Mat<3>, 2> acoustic;
+  for (int i = 0; i < 2; ++i)
+    for (int c = 0; c < 3; ++c) acoustic[i].col(c) = stress_of(materials[i], Vec<3>::Unit(c) * n.transpose()) * n;
+  Matrix C(6, 6);
+  for (int load = 0; load < 6; ++load) {
+    const Mat<3> strain = tensor_of(Vector::Unit(6, load));
+    Mat<3> sum = Mat<3>::Zero();
+    Vec<3> rhs = Vec<3>::Zero();
+    for (int i = 0; i < 2; ++i) {
+      sum += fraction[i] * acoustic[i].inverse();
+      rhs += fraction[i] * acoustic[i].inverse() * (stress_of(materials[i], strain) * n);
+    }
+    const Vec<3> traction = sum.inverse() * rhs;
+    Mat<3> mean = Mat<3>::Zero();
+    for (int i = 0; i < 2; ++i) {
+      const Vec<3> a = acoustic[i].inverse() * (traction - stress_of(materials[i], strain) * n);
+      mean += fraction[i] * stress_of(materials[i], strain + a * n.transpose());
+    }
+    C.col(load) << mean(0, 0), mean(1, 1), mean(2, 2), mean(1, 2), mean(0, 2), mean(0, 1);
+  }
+  return C;
+}
+
 double smallest_eigenvalue(const Matrix& symmetric) {
   return Eigen::SelfAdjointEigenSolver<Matrix>(symmetric).eigenvalues()[0];
 }
@@ -115,6 +159,57 @@ TEST(EffectiveStiffness, OfALaminateIsExactWhateverTheNumbersOfVoxels) {
         EXPECT_LT(found.iteration_error, 1e-8);
       }
     }
+}
+
+TEST(EffectiveStiffness, OfOneAnisotropicMaterialIsItsOwnAlongTheAxesOfTheImage) {
+  auto image = image_of({5, 3, 4}, [](const Vec<3>&) -> Label { return 1; });
+  const Matrix exact = laminate_of({0.5, 0.5}, {tilted(0.7), tilted(0.7)}, 0);
+  for (const FrameCondition frame : {FrameCondition::periodic, FrameCondition::kinematic, FrameCondition::uniform}) {
+    const EffectiveTensor found = effective_stiffness(image, {{}, tilted(0.7)}, {.frame = frame, .tolerance = 1e-7});
+    EXPECT_LT(difference(found.tensor, exact), 1e-8);
+    EXPECT_LT(difference(found.mean, exact), 1e-6);
+  }
+  image.axes = Eigen::AngleAxisd(0.7, Vec<3>(1.0, -2.0, 0.5).normalized()).toRotationMatrix();
+  EXPECT_LT(difference(effective_stiffness(image, {{}, tilted(0.7)}, {}).tensor,
+                       laminate_of({0.5, 0.5}, {tilted(0.0), tilted(0.0)}, 0)),
+            1e-8);
+}
+
+TEST(EffectiveStiffness, OfAnAnisotropicLaminateIsExact) {
+  for (const int axis : {0, 2})
+    for (const Index n : {15, 22}) {
+      Cells size{5, 3, 4};
+      size[axis] = n;
+      const Index layer = n / 3;
+      const auto image = image_of(size, [&](const Vec<3>& x) -> Label { return x[axis] < layer ? 1 : 2; });
+      const double f = static_cast<double>(layer) / n;
+      for (const SharedMaterial& other :
+           {SharedMaterial(LinearElastic(1.37, 0.17)), SharedMaterial(tilted(1.3)), SharedMaterial(tilted(0.0))}) {
+        const Matrix exact = laminate_of({f, 1.0 - f}, {tilted(0.7), other}, axis);
+        for (const bool smooth : {true, false}) {
+          const EffectiveTensor found =
+              effective_stiffness(image, {{}, tilted(0.7), other}, {.smooth = smooth, .tolerance = 1e-6});
+          EXPECT_LT(difference(found.tensor, exact), 1e-7) << n << " voxels along " << axis;
+          EXPECT_LT(found.asymmetry, 1e-5);
+        }
+      }
+    }
+}
+
+TEST(EffectiveStiffness, OfPoresInAnAnisotropicMaterialLiesBetweenThatOfOtherConditions) {
+  const auto image = ball_of(14, 0.25, 0, 1);
+  std::array<Matrix, 3> tensors;
+  int at = 0;
+  for (const FrameCondition frame : {FrameCondition::uniform, FrameCondition::periodic, FrameCondition::kinematic}) {
+    const EffectiveTensor found = effective_stiffness(image, {{}, tilted(0.7)}, {.frame = frame, .size = 1.0});
+    tensors[at++] = found.tensor;
+    EXPECT_LT(found.finest().iterations, 60);
+  }
+  const double size = tensors[1].norm();
+  EXPECT_GT(smallest_eigenvalue(tensors[1] - tensors[0]), -1e-6 * size);
+  EXPECT_GT(smallest_eigenvalue(tensors[2] - tensors[1]), -1e-6 * size);
+  EXPECT_GT(smallest_eigenvalue(0.75 * laminate_of({0.5, 0.5}, {tilted(0.7), tilted(0.7)}, 0) - tensors[2]), 0.0)
+      << "Voigt's bound";
 }
 
 TEST(EffectiveStiffness, OfALaminateThatCutsCellsIsWithinItsStatedError) {

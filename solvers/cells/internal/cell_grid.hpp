@@ -2,6 +2,7 @@
 /// Linear elasticity on a grid of boxes with trilinear displacements, without a matrix.
 #pragma once
 
+#include "efree/solvers/cells/internal/cell_anisotropy.hpp"
 #include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
@@ -30,11 +31,13 @@ inline constexpr float bearable_ratio = 4.001F;
 ///
 /// Fields have three components one after the other, each by node.
 struct CellGrid : CellLayout {
+  CellAnisotropy anisotropy;
   CellParts parts;
 
-  /// Isotropic stiffness by part; `exact` as of CellParts.
+  /// Isotropic stiffness by part; `exact` as of CellParts. `anisotropic`: what materials have beyond that, C - C_iso
+  /// along the grid's axes, none of which is negative; `layers` have their shares.
   CellGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const PartLayers& layers,
-           const std::vector<PartStiffness>& exact = {});
+           const std::vector<PartStiffness>& exact = {}, const std::vector<VoigtMatrix<3>>& anisotropic = {});
 
   std::size_t size() const { return 3 * nodes(); }
   /// Of part q = x + 2 y + 4 z of a cell.
@@ -50,7 +53,7 @@ struct CellGrid : CellLayout {
       if (moduli(i, j, k, q).shear > 0.0F) return true;
     return false;
   }
-  /// Moduli of the layers [begin, end) of cells.
+  /// Moduli and shares of the layers [begin, end) of cells.
   Parts layers(Index begin, Index end) const;
 
   /// f = K u. Bitwise the same on any number of threads.
@@ -59,10 +62,15 @@ struct CellGrid : CellLayout {
   /// The same for `count` fields, for which the stiffness is read once.
   void apply(const float* const* u, float* const* f, int count, Dilatation dilatation = Dilatation::local) const;
   void apply(const double* const* u, double* const* f, int count, Dilatation dilatation = Dilatation::local) const;
+  /// f = K_iso u of the isotropic parts alone, which is what preconditioners know.
+  void apply_isotropic(const float* u, float* f, Dilatation dilatation) const;
+  void apply_isotropic(const double* u, double* f, Dilatation dilatation) const;
+  void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const;
+  void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const;
   /// By which nearly incompressible materials among the parts do not lock.
   Dilatation needed() const { return parts.ratios()[1] > bearable_ratio ? Dilatation::mean : Dilatation::local; }
-  /// A diagonal D, laid out as a field, with x^T K x <= x^T D x for all x and both dilatations: that of K, cell by cell
-  /// times the largest eigenvalue that its part of K has over it.
+  /// A diagonal D, laid out as a field, with x^T K_iso x <= x^T D x for all x and both dilatations: that of K_iso, cell
+  /// by cell times the largest eigenvalue that its part of K_iso has over it.
   std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
 

@@ -167,9 +167,10 @@ template <class Body> void for_layers(const std::array<Index, 3>& cells, const B
     });
 }
 
-/// f = K u for fields of `components` each, by what `Add` adds for layers of cells.
-template <class Add, class T, class V, class Grid>
-void product(const Grid& grid, int components, const T* const* u, T* const* f, int count) {
+/// f = K u for fields of `components` each, by what `Add` adds for layers of cells, and then `more`, unless it is null.
+template <class Add, class T, class V, class Grid> void product(const Grid& grid, int components, const T* const* u,
+                                                                T* const* f, int count,
+                                                                Layers<Grid, T> more = nullptr) {
   static const Layers<Grid, T> add = kernel<Add, Grid, T, V>();
   const std::size_t plane = grid.node(0, 0, 1), nodes = grid.nodes();
   for_layers(grid.cells, [&](Index begin, Index end, bool first) {
@@ -179,6 +180,7 @@ void product(const Grid& grid, int components, const T* const* u, T* const* f, i
       for (int c = 0; c < components; ++c)
         std::fill(f[r] + c * nodes + plane * low, f[r] + c * nodes + plane * high, T(0));
     add(grid, u, f, count, begin, end);
+    if (more) more(grid, u, f, count, begin, end);
   });
 }
 

@@ -21,7 +21,7 @@ class CellMultigrid {
 
   /// To be filled before a cycle from grid l on, which leaves it as it is.
   SingleField& right(std::size_t l) { return work_[l].b; }
-  /// An approximate inverse of K, symmetric and positive, times right(l).
+  /// An approximate inverse of K, symmetric and positive, times right(l): that of the isotropic parts of materials.
   const SingleField& cycle(std::size_t l);
   /// Free between cycles.
   SingleField& spare(std::size_t l) { return work_[l].rest; }

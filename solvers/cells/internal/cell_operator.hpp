@@ -36,7 +36,10 @@ class CellOperator {
   /// For `count` fields. Bitwise the same on any number of threads.
   virtual void apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const = 0;
   virtual void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const = 0;
-  /// A diagonal that is nowhere less than K.
+  /// The same of the isotropic parts of materials, which is what preconditioners know.
+  virtual void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const = 0;
+  virtual void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const = 0;
+  /// A diagonal that is nowhere less than K of the isotropic parts.
   virtual std::vector<float> bound() const = 0;
   /// f = K E x for a mean strain E, without fluctuations. Returns the stress, integrated over the frame.
   virtual Vector apply_strain(const Vector& strain, Field& f) = 0;
@@ -44,11 +47,12 @@ class CellOperator {
   virtual CellAverages averages(const std::vector<Field>& u, const Matrix& applied) = 0;
 };
 
-/// K of the parts of a grid; `flat` axes have one cell whose ends are the same node, so that nothing
-/// depends on the place along them.
+/// K of the parts of a grid; `anisotropic` as of CellGrid; `flat` axes have one cell whose ends are the same node, so
+/// that nothing depends on the place along them.
 std::unique_ptr<CellOperator> elastic_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
                                                const std::array<bool, 3>& flat, const PartLayers& layers,
-                                               const ExactStiffness& exact);
+                                               const ExactStiffness& exact,
+                                               const std::vector<VoigtMatrix<3>>& anisotropic = {});
 std::unique_ptr<CellOperator> conduction_operator(const std::array<Index, 3>& cells, const Vec<3>& edges,
                                                   const std::array<bool, 3>& flat, const PartLayers& layers,
                                                   const ExactStiffness& exact);

@@ -55,6 +55,7 @@ struct PartOrder {
 /// Stiffness by part of a grid's cells (PartOrder). `across` may be empty: all 0.
 struct Parts {
   std::vector<float> shear, across;
+  std::vector<std::vector<float>> shares{};  ///< by anisotropic material: how much of a part is of it; empty: nothing
 };
 /// Those of the layers [begin, end) of cells.
 using PartLayers = std::function<Parts(Index begin, Index end)>;
@@ -63,7 +64,7 @@ using PartLayers = std::function<Parts(Index begin, Index end)>;
 /// axis.
 std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
                           const std::array<int, 3>& ratio);
-/// The same of moduli, layer by layer.
+/// The same of moduli and shares, layer by layer.
 PartLayers halved(PartLayers finer, const std::array<Index, 3>& cells, const std::array<int, 3>& ratio);
 /// Layers of parts that are held whole, which have to outlive them.
 PartLayers layers_of(const Parts& parts, const std::array<Index, 3>& cells);

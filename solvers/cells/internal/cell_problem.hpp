@@ -41,7 +41,7 @@ struct CellProblem {
   const std::vector<Restraint<3>>* restraints;
   std::vector<HeldNode> held;           ///< ascending by node, those of a node by restraint
   Springs springs;                      ///< of elastic restraints
-  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K; 0 where nothing is free
+  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K_iso; 0 where nothing is free
   std::vector<ObliqueNode> oblique;     ///< ascending; their three diagonals are the same
   std::vector<Field> loads;             ///< by case; empty without loads
 
@@ -77,9 +77,13 @@ struct CellProblem {
     return component < 0 ? Vec<3>(at.normal.cast<double>().normalized()) : Vec<3>(axes.row(component).transpose());
   }
   /// f = K u with the springs.
-  template <class T> void apply(const T* u, T* f) const { apply(u, f, dilatation); }
-  template <class T> void apply(const T* u, T* f, Dilatation of) const {
-    grid.apply(u, f, of);
+  template <class T> void apply(const T* u, T* f) const {
+    grid.apply(u, f, dilatation);
+    springs.add_to(u, f);
+  }
+  /// The same of the isotropic parts (CellGrid::apply_isotropic).
+  template <class T> void apply_isotropic(const T* u, T* f, Dilatation of) const {
+    grid.apply_isotropic(u, f, of);
     springs.add_to(u, f);
   }
   /// Null: the node is held along the image's axes, if at all.

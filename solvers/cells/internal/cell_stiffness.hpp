@@ -4,6 +4,7 @@
 
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/materials/material.hpp"
+#include "efree/solvers/cells/internal/cell_anisotropy.hpp"
 #include "efree/solvers/cells/internal/cell_parts.hpp"
 
 #include <array>
@@ -13,19 +14,27 @@
 
 namespace efree::internal {
 
-/// Averages over boxes of how much of a label is in them. `grown` as of box_averages.
-BoxAverages part_of_label(const LabelImage<3>& image, Label label, const std::array<Index, 3>& boxes,
-                          double grown = 0.0);
+/// A homogeneous anisotropic material and the labels that have it.
+struct AnisotropicLabels {
+  std::vector<Label> labels;
+  VoigtMatrix<3> C;              ///< along the image's axes
+  IsotropicStiffness isotropic;  ///< isotropic_part
+};
 
-/// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point).
+/// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point;
+/// of anisotropic materials of the isotropic part).
 struct LabelStiffness {
-  std::vector<float> shear, across, solid;                ///< by label; the first two 0 where they vary
+  std::vector<float> shear, across, solid;  ///< by label; the first two 0 where they vary, and of anisotropic materials
   std::vector<double> exact_shear, exact_across;          ///< these two before rounding
   std::vector<std::pair<Label, SharedMaterial>> varying;  ///< materials that differ from place to place
+  std::vector<AnisotropicLabels> anisotropic;             ///< of different stiffness
   double unit = 0.0;                                      ///< [stress]
 
-  /// Throws InputError for a label without material or with one that is not isotropic, or an image that is all void.
+  /// Throws InputError for a label without material or with one that is anisotropic and differs from place to place, or
+  /// an image that is all void.
   LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials);
+  /// What anisotropic materials have beyond their isotropic parts.
+  std::vector<VoigtMatrix<3>> anisotropy() const;
 };
 
 /// Stiffness by part of a grid over an image, layer by layer. Keeps references to the image and the stiffness.
@@ -34,7 +43,8 @@ class PartsOfImage {
   /// Of a grid of so many cells. `grown` as of box_averages.
   PartsOfImage(const LabelImage<3>& image, const LabelStiffness& stiffness, const std::array<Index, 3>& cells,
                double grown);
-  /// Of the layers [begin, end) of cells. Throws InputError for a material that is not isotropic somewhere.
+  /// Of the layers [begin, end) of cells: of anisotropic materials the isotropic parts, and the shares. Throws
+  /// InputError for a material that varies and is not isotropic somewhere.
   Parts layers(Index begin, Index end) const;
   /// Of the labels, as whole parts have them; none where they vary.
   const std::vector<PartStiffness>& exact() const { return exact_; }
@@ -48,9 +58,15 @@ class PartsOfImage {
   BoxAverages shear_;
   std::optional<BoxAverages> across_;  ///< none: as shear, times the ratio
   std::optional<float> ratio_, solid_over_shear_;
-  std::vector<BoxAverages> of_varying_;  ///< by material that varies: how much of it there is
+  std::vector<BoxAverages> of_varying_;         ///< by material that varies: how much of it there is
+  std::vector<BoxAverages> of_anisotropic_;     ///< likewise by anisotropic material
+  std::vector<BoxRange> boxes_of_anisotropic_;  ///< that may have some of it
+  std::optional<BoxAverages> all_anisotropic_;  ///< of all of these, if there are several
   std::vector<PartStiffness> exact_;
 };
+
+/// Adds the isotropic parts of materials to moduli, by Parts::shares. Shares that are whole but for rounding are.
+void add_isotropic_parts(const std::vector<AnisotropicLabels>& materials, Parts& parts);
 
 /// The same stiffness where no corner of a cell moves freely: a cell with one or two parts of material, each of which
 /// has one point for strains, has more corners than strains, and loads on these would move them without end. Of a wall

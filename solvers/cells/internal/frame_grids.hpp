@@ -16,7 +16,7 @@ namespace efree::internal {
 struct FrameGrid {
   std::unique_ptr<CellOperator> matrix;
   FrameCondition frame;
-  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K; 0 where nothing is free
+  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K_iso; 0 where nothing is free
 
   FrameGrid(std::unique_ptr<CellOperator> matrix, FrameCondition frame);
 
@@ -26,9 +26,16 @@ struct FrameGrid {
   template <class T> void fold(T* f) const;
   /// f = K u for fields, whose upper sides are set first.
   template <class T> void multiply(T* const* u, T* const* f, int count) const {
-    multiply(u, f, count, matrix->dilatation());
+    for (int r = 0; r < count; ++r) spread(u[r]);
+    matrix->apply(u, f, count, matrix->dilatation());
+    for (int r = 0; r < count; ++r) fold(f[r]);
   }
-  template <class T> void multiply(T* const* u, T* const* f, int count, Dilatation dilatation) const;
+  /// The same of the isotropic parts (CellOperator::apply_isotropic).
+  template <class T> void multiply_isotropic(T* const* u, T* const* f, int count, Dilatation dilatation) const {
+    for (int r = 0; r < count; ++r) spread(u[r]);
+    matrix->apply_isotropic(u, f, count, dilatation);
+    for (int r = 0; r < count; ++r) fold(f[r]);
+  }
 };
 
 /// Interpolation between two grids over the same frame, trilinear, whatever their numbers of cells.
