@@ -69,6 +69,7 @@
 #include "efree/geometry/input/image_reader.hpp"
 #include "efree/geometry/input/image_summary.hpp"
 #include "efree/geometry/input/label_image.hpp"
+#include "efree/geometry/input/narrow_gaps.hpp"
 #include "efree/geometry/input/surface.hpp"
 #include "efree/geometry/input/surface_check.hpp"
 #include "efree/geometry/input/surface_gaps.hpp"

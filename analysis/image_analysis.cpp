@@ -10,6 +10,7 @@
 #include "efree/analysis/prepare.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
+#include "efree/geometry/input/narrow_gaps.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
@@ -202,6 +203,34 @@ std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const ImageRes
   return cases;
 }
 
+/// What a grid makes of the image's bodies that it should not.
+void warn_of_bodies(ImageResult& result) {
+  const BodiesOnGrid& bodies = result.cells->bodies;
+  const auto text_of = [](const Vec<3>& x) { return fmt::format("({:.4g})", fmt::join(x, ", ")); };
+  if (bodies.left_out > 0) {
+    result.reports.emplace_back("free_bodies", bodies.left_out);
+    result.reports.emplace_back("free_bodies_fraction", bodies.left_out_part);
+    result.warnings.push_back(
+        fmt::format("{} that nothing holds or loads {} left out, {:.2g} % of the material, the largest at {}: "
+                    "displacements and stresses are zero there",
+                    bodies.left_out == 1 ? "a body" : fmt::format("{} bodies", bodies.left_out),
+                    bodies.left_out == 1 ? "is" : "are", 100.0 * bodies.left_out_part, text_of(bodies.left_out_at)));
+  }
+  const double edge = result.cells->grid.spacing.maxCoeff(), voxel = result.image->spacing.minCoeff();
+  if (bodies.joined > 0)
+    result.warnings.push_back(fmt::format(
+        "bodies that do not hang together by faces of voxels are one on the grid, such as that at {}: cells join what "
+        "is less than two of them apart; take a smaller mesh_size (now {:.3g}), or keep the largest body "
+        "(largest_only)",
+        text_of(bodies.joined_at), edge));
+  const NarrowGaps gaps = narrow_gaps(*result.image, result.cells->grid.cubes);
+  if (gaps.area > 0.0)
+    result.warnings.push_back(
+        fmt::format("gaps narrower than two cells are closed by the grid, of an area of {:.3g}, such as one {:.3g} "
+                    "wide at {}: take mesh_size = {:.3g} or less",
+                    gaps.area, gaps.width, text_of(gaps.at), std::min(0.5 * gaps.width, voxel)));
+}
+
 /// What makes an answer doubtful, or none.
 void judge_answer(const Settings<3>& settings, const std::string& of, ImageAnswer& answer, ImageResult& result) {
   if (!std::isfinite(answer.solution.strain_energy) || !answer.by_cell.stress.allFinite())
@@ -300,6 +329,7 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
   result.more.resize(problem.cases.size() - 1);
   const auto tell_one = [&](ImageAnswer& answer) { tell(settings, result, answer); };
   located(common, common.where, [&] { search_grid(settings, problem, tell_one, result, monitor); });
+  warn_of_bodies(result);
   const auto answers = result.answers();
   for (std::size_t k = 0; k < answers.size(); ++k) {
     const std::string of = settings.cases.empty() ? "" : fmt::format("case \"{}\": ", settings.cases[k].name);

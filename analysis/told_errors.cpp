@@ -149,7 +149,8 @@ void tell_errors_on_cells(const Settings<3>& settings, const CellSolution& cells
   answer.probe_errors.clear();
   answer.reactions.clear();
   const std::size_t grids = std::min<std::size_t>(3, cells.levels.size());
-  const double iterations = cells.finest().iteration_error;
+  // What cells with several materials lack of compliance is taken to be missing of every displacement and force.
+  const double iterations = cells.finest().iteration_error + cells.interface_error * cells.interface_error;
   const auto error_at = [&](const Vec<3>& x) -> Vec<3> {
     std::vector<Vec<3>> values;
     for (std::size_t l = 0; l < grids; ++l) values.push_back(displacement_at(cells, l, x));

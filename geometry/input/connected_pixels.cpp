@@ -95,6 +95,19 @@ template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image
   return out;
 }
 
+template <int Dim> std::vector<PixelBody> pixel_bodies(const LabelImage<Dim>& image) {
+  check_image(image);
+  const Runs<Dim> runs(image, [](Label label) -> Label { return label != 0; });
+  std::vector<Index> body_of_part(runs.parts.size(), -1);
+  std::vector<PixelBody> bodies;
+  runs.for_all([&](std::size_t begin, std::size_t, Index part) {
+    if (runs.parts[part].label == 0 || body_of_part[part] >= 0) return;
+    body_of_part[part] = static_cast<Index>(bodies.size());
+    bodies.push_back({runs.parts[part].pixels, begin});
+  });
+  return bodies;
+}
+
 template <int Dim> LargestBody<Dim> keep_largest(LabelImage<Dim> image) {
   check_image(image);
   const Runs<Dim> runs(image, [](Label label) -> Label { return label != 0; });
@@ -120,6 +133,8 @@ template <int Dim> LargestBody<Dim> keep_largest(LabelImage<Dim> image) {
 
 template ConnectedPixels connected_pixels<2>(const LabelImage<2>&);
 template ConnectedPixels connected_pixels<3>(const LabelImage<3>&);
+template std::vector<PixelBody> pixel_bodies<2>(const LabelImage<2>&);
+template std::vector<PixelBody> pixel_bodies<3>(const LabelImage<3>&);
 template LargestBody<2> keep_largest<2>(LabelImage<2>);
 template LargestBody<3> keep_largest<3>(LabelImage<3>);
 

@@ -47,12 +47,25 @@ template <int Dim, class T> std::vector<float> distances_from_threshold(const T*
                                                                         const std::vector<Label>& labels) {
   constexpr double least = std::numeric_limits<float>::min(), largest = 1e30;
   std::vector<float> out(labels.size());
+  float farthest = 0.0F;
   for (std::size_t p = 0; p < out.size(); ++p) {
     const double distance = std::abs(static_cast<double>(values[p * stride]) - *options.threshold);
-    const double kept = std::isnan(distance) ? least : std::clamp(distance, least, largest);
+    if (std::isnan(distance)) continue;
+    const double kept = std::clamp(distance, least, largest);
     out[p] = static_cast<float>(labels[p] != 0 ? kept : -kept);
+    farthest = std::max(farthest, std::abs(out[p]));
   }
+  for (float& distance : out)  // what is no number is void as void can be
+    if (distance == 0.0F) distance = -std::max(farthest, static_cast<float>(least));
   return out;
+}
+
+/// What is doubtful about values that are no numbers; empty if there are none.
+template <class T> std::string doubt_of_no_numbers(const T* values, int stride, std::size_t count) {
+  std::size_t none = 0;
+  if constexpr (std::is_floating_point_v<T>)
+    for (std::size_t p = 0; p < count; ++p) none += std::isnan(values[p * stride]);
+  return none == 0 ? "" : fmt::format("{} voxels of the image are not numbers, and are taken for void", none);
 }
 
 /// The file's values, with the dimensions asked for.
@@ -72,14 +85,18 @@ template <int Dim> PixelValues read_checked(const std::string& path, const Image
 template <int Dim> ImageFile<Dim> read_image_file(const std::string& path, const ImageOptions<Dim>& options) {
   if (options.threshold && !std::isfinite(*options.threshold))
     throw InputError(fmt::format("{}: the threshold is {}", path, *options.threshold));
-  const PixelValues v = read_checked<Dim>(path, options);
+  PixelValues v = read_checked<Dim>(path, options);
   const ImageFrame<Dim> frame(path, v, options);
   auto image = frame.template empty<LabelImage<Dim>>();
   with_type(path, v.type, [&](auto value) {
-    image.labels = classify<Dim, decltype(value)>(path, v, options);
+    const auto* values = static_cast<const decltype(value)*>(v.data());
     if (options.threshold)
-      image.grey =
-          distances_from_threshold(static_cast<const decltype(value)*>(v.data()), v.components, options, image.labels);
+      if (std::string doubt =
+              doubt_of_no_numbers(values, v.components, v.size[0] * static_cast<std::size_t>(v.size[1]) * v.size[2]);
+          !doubt.empty())
+        v.doubts.push_back(std::move(doubt));
+    image.labels = classify<Dim, decltype(value)>(path, v, options);
+    if (options.threshold) image.grey = distances_from_threshold(values, v.components, options, image.labels);
   });
   frame.put_in_order(image.labels);
   if (options.threshold) frame.put_in_order(image.grey);

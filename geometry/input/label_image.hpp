@@ -66,6 +66,13 @@ struct ConnectedPixels {
 /// The connected parts of the image, void included.
 template <int Dim> ConnectedPixels connected_pixels(const LabelImage<Dim>& image);
 
+/// Pixels that are not void and hang together by their edges (faces in 3D), whatever their labels.
+struct PixelBody {
+  std::size_t pixels = 0, first = 0;  ///< how many, and the first of them
+};
+/// All of them, in the order of their first pixels. Throws as check_image does.
+template <int Dim> std::vector<PixelBody> pixel_bodies(const LabelImage<Dim>& image);
+
 /// An image without its islands.
 template <int Dim> struct LargestBody {
   LabelImage<Dim> image;  ///< islands have become void (grey values: of the other sign)

@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace efree {
 namespace {
@@ -130,6 +131,51 @@ BoxRange with_neighbours(const BoxRange& cells, const BoxRange& of_region) {
   return around;
 }
 
+/// Along each axis.
+std::array<Index, 3> octants_of(const std::array<Index, 3>& cells) {
+  return {2 * cells[0], 2 * cells[1], 2 * cells[2]};
+}
+
+/// Shares the material in octants of these cells out between the regions: each by itself has what is on its side of the
+/// plane that it is bounded by, and where three or more meet these are not all there is, or more.
+template <class RegionAt> void share_out(const BoxAverages& solid, const BoxRange& cells, const RegionAt& region_at,
+                                         std::vector<std::optional<RegionShare>>& shares) {
+  BoxRange octants;
+  for (std::size_t d = 0; d < 3; ++d) {
+    octants.begin[d] = 2 * cells.begin[d];
+    octants.end[d] = 2 * cells.end[d];
+  }
+  std::vector<float> all = solid.in(octants), sum(octants.size(), 0.0F);
+  const auto for_octants = [&](RegionShare& share, const auto& f) {
+    const BoxRange& of = share.octants();
+    parallel_chunks(of.end[2] - of.begin[2], 1, [&](Index layer, Index) {
+      for (Index j = of.begin[1]; j < of.end[1]; ++j)
+        for (Index i = of.begin[0]; i < of.end[0]; ++i) {
+          const std::array<Index, 3> octant{i, j, of.begin[2] + layer};
+          f(share.parts()[of.index(octant)], octants.index(octant));
+        }
+    });
+  };
+  for (auto& share : shares)
+    if (share) for_octants(*share, [&](float part, std::size_t octant) { sum[octant] += part; });
+  for (Index k = octants.begin[2]; k < octants.end[2]; ++k)
+    for (Index j = octants.begin[1]; j < octants.end[1]; ++j)
+      for (Index i = octants.begin[0]; i < octants.end[0]; ++i) {
+        const std::size_t at = octants.index({i, j, k});
+        if (sum[at] > 0.0F || all[at] == 0.0F) continue;
+        const Index region = region_at({i, j, k});
+        if (region < 0 || !shares[region] || !shares[region]->octants().holds({i, j, k})) continue;
+        shares[region]->parts()[shares[region]->octants().index({i, j, k})] = sum[at] = all[at];
+      }
+  constexpr float rounding = 1e-5F;
+  for (auto& share : shares)
+    if (share)
+      for_octants(*share, [&](float& part, std::size_t octant) {
+        if (part > 0.0F && std::abs(sum[octant] - all[octant]) > rounding) part *= all[octant] / sum[octant];
+        if (part > 1.0F - rounding) part = 1.0F;
+      });
+}
+
 /// At a point of a region.
 ProbeValues<3> probe(const CellSolution& solution, const BoxAverages& part, const Materials<3>& materials, Index region,
                      const Vec<3>& x) {
@@ -148,10 +194,9 @@ ProbeValues<3> probe(const CellSolution& solution, const BoxAverages& part, cons
 /// What one region adds to the fields.
 class RegionFields {
  public:
-  RegionFields(const CellSolution& solution, const BoxAverages& part, const BoxRange& cells, Index region,
-               const Materials<3>& materials, std::vector<float>& most, CellFields& fields)
+  RegionFields(const CellSolution& solution, const BoxRange& cells, Index region, const Materials<3>& materials,
+               std::vector<float>& most, CellFields& fields)
       : solution_(solution),
-        part_(part),
         cells_(cells),
         region_(region),
         materials_(materials),
@@ -159,25 +204,19 @@ class RegionFields {
         fields_(fields),
         points_{solution.grid} {}
 
-  LayerRanges add() {
-    constexpr Index slab = 32;  // layers of cells whose strains are held at once
-    LayerRanges all;
-    for (Index first = cells_.begin[2]; first < cells_.end[2]; first += slab) {
-      BoxRange cells = cells_;
-      cells.begin[2] = first;
-      cells.end[2] = std::min(first + slab, cells_.end[2]);
-      const RegionShare share(part_, with_neighbours(cells, cells_));
-      const NodalStrains strains(solution_, share, cells);
-      std::vector<LayerRanges> layers(cells.end[2] - first);
-      parallel_chunks(cells.end[2] - first, 1, [&](Index layer, Index) {
-        for (Index j = cells.begin[1]; j < cells.end[1]; ++j)
-          for (Index i = cells.begin[0]; i < cells.end[0]; ++i)
-            add_cell({i, j, first + layer}, share, strains, layers[layer]);
-      });
-      for (const LayerRanges& layer : layers) all.add(layer);
-    }
-    return all;
+  const BoxRange& cells() const { return cells_; }
+  /// Of the layers of these cells; `share` has those beside them, too.
+  void add(const BoxRange& cells, const RegionShare& share) {
+    const NodalStrains strains(solution_, share, cells);
+    std::vector<LayerRanges> layers(cells.end[2] - cells.begin[2]);
+    parallel_chunks(cells.end[2] - cells.begin[2], 1, [&](Index layer, Index) {
+      for (Index j = cells.begin[1]; j < cells.end[1]; ++j)
+        for (Index i = cells.begin[0]; i < cells.end[0]; ++i)
+          add_cell({i, j, cells.begin[2] + layer}, share, strains, layers[layer]);
+    });
+    for (const LayerRanges& layer : layers) ranges_.add(layer);
   }
+  const LayerRanges& ranges() const { return ranges_; }
 
  private:
   Vec<3> place(const Vec<3>& at) const {
@@ -241,13 +280,13 @@ class RegionFields {
   }
 
   const CellSolution& solution_;
-  const BoxAverages& part_;
   BoxRange cells_;
   Index region_;
   const Materials<3>& materials_;
   std::vector<float>& most_;  ///< by cell: part of the region with the most
   CellFields& fields_;
   GridPoints points_;
+  LayerRanges ranges_;
 };
 
 }  // namespace
@@ -270,18 +309,48 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
   const std::vector<LabelCount> counts = count_labels(image);
   const std::vector<BoxRange> of_region =
       boxes_of_groups(image, region_of_label, static_cast<Index>(materials.size()), n);
+  std::vector<BoxAverages> parts;
+  std::vector<RegionFields> regions;
   for (Index region = 0; region < static_cast<Index>(materials.size()); ++region) {
-    const BoxAverages part = part_of_region(solution, image, counts, region_of_label, region);
-    const LayerRanges all = RegionFields(solution, part, of_region[region], region, by_region, most, fields).add();
-    for (std::size_t r = 0; r < fields.ranges.size(); ++r) fields.ranges[r].add(all.components[r]);
-    fields.displacement.add(all.displacement);
-    fields.regions.push_back(all.stresses);
-    for (std::size_t p = 0; p < probes.size(); ++p) {
-      const Label label = label_near(image, probes[p], probe_reach);
-      if (label == 0 || label >= region_of_label.size() || region_of_label[label] != region) continue;
-      fields.probes[p] = probe(solution, part, by_region, region, probes[p]);
-    }
+    parts.push_back(part_of_region(solution, image, counts, region_of_label, region));
+    regions.emplace_back(solution, of_region[region], region, by_region, most, fields);
   }
+  std::optional<BoxAverages> solid;
+  if (regions.size() > 1) {
+    std::vector<float> of_label(counts.back().label + 1, 1.0F);
+    of_label[0] = 0.0F;
+    solid.emplace(image, counts, of_label, octants_of(n));
+  }
+  const auto region_at = [&](const std::array<Index, 3>& octant) -> Index {
+    const Vec<3> at = 0.5 * Vec<3>(octant[0] + 0.5, octant[1] + 0.5, octant[2] + 0.5);
+    const Vec<3> x = solution.grid.origin + solution.axes * solution.grid.spacing.cwiseProduct(at);
+    const Label label = label_near(image, x, probe_reach);
+    return label != 0 && label < region_of_label.size() ? region_of_label[label] : -1;
+  };
+  constexpr Index slab = 32;  // layers of cells whose strains are held at once
+  for (Index first = 0; first < n[2]; first += slab) {
+    const auto within = [&](BoxRange layers) {
+      layers.begin[2] = std::max(layers.begin[2], first);
+      layers.end[2] = std::min({layers.end[2], first + slab, n[2]});
+      return layers;
+    };
+    std::vector<std::optional<RegionShare>> shares(regions.size());
+    for (std::size_t r = 0; r < regions.size(); ++r)
+      if (const BoxRange some = within(regions[r].cells()); some.begin[2] < some.end[2])
+        shares[r].emplace(parts[r], with_neighbours(some, regions[r].cells()));
+    if (solid) share_out(*solid, with_neighbours(within({{0, 0, 0}, n}), {{0, 0, 0}, n}), region_at, shares);
+    for (std::size_t r = 0; r < regions.size(); ++r)
+      if (shares[r]) regions[r].add(within(regions[r].cells()), *shares[r]);
+  }
+  for (const RegionFields& region : regions) {
+    for (std::size_t r = 0; r < fields.ranges.size(); ++r) fields.ranges[r].add(region.ranges().components[r]);
+    fields.displacement.add(region.ranges().displacement);
+    fields.regions.push_back(region.ranges().stresses);
+  }
+  for (std::size_t p = 0; p < probes.size(); ++p)
+    if (const Label label = label_near(image, probes[p], probe_reach); label != 0 && label < region_of_label.size())
+      if (const Index region = region_of_label[label]; region >= 0)
+        fields.probes[p] = probe(solution, parts[region], by_region, region, probes[p]);
   return fields;
 }
 

@@ -23,12 +23,13 @@ std::string text_of(const Vec<3>& x) {
 
 namespace {
 
-/// Adds the work-equivalent forces of a traction, unscaled. Returns what they are together.
+/// Adds the work-equivalent forces of a traction, unscaled, which is asked for at the centroids of patches or where
+/// their loads act. Returns what they are together.
 Resultant<3> add_traction(const CellProblem& problem, const std::vector<BoundaryPatch>& patches,
-                          const TractionCondition<3>& traction, Field& load) {
+                          const TractionCondition<3>& traction, bool where_it_acts, Field& load) {
   Resultant<3> sum;
   for (const BoundaryPatch& patch : patches) {
-    const Vec<3> x = problem.centroid(patch);
+    const Vec<3> x = where_it_acts ? problem.acting_place(patch) : problem.centroid(patch);
     const Vec<3> t = traction.traction(x, patch.facet_area / patch.area * problem.axes * patch.facet_normal());
     if (!t.allFinite())
       throw InputError(fmt::format("{} on \"{}\" is {} at {}, expected finite numbers", traction.kind, traction.on,
@@ -51,14 +52,15 @@ bool acts(const Loads<3>& loads) {
 std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const PartPatches& patches,
                                       Field& to) {
   std::vector<AppliedLoad<3>> applied;
-  const auto apply = [&](const TractionCondition<3>& traction) {
-    applied.push_back({traction.on, traction.kind, add_traction(problem, patches.at(traction.on), traction, to)});
+  const auto apply = [&](const TractionCondition<3>& traction, bool where_it_acts) {
+    applied.push_back(
+        {traction.on, traction.kind, add_traction(problem, patches.at(traction.on), traction, where_it_acts, to)});
   };
-  for (const auto& traction : loads.tractions) apply(traction);
-  for (const auto& load : loads.resultants) {
+  for (const auto& traction : loads.tractions) apply(traction, false);
+  for (const auto& load : loads.resultants) {  // where they act, so that moments are exact, too
     AreaMoments<3> part;
-    for (const BoundaryPatch& patch : patches.at(load.on)) part.add(problem.centroid(patch), patch.area);
-    apply(part.traction(load));
+    for (const BoundaryPatch& patch : patches.at(load.on)) part.add(problem.acting_place(patch), patch.area);
+    apply(part.traction(load), true);
   }
   return applied;
 }

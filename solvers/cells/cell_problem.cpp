@@ -216,9 +216,10 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
     hold_nodes(problem, patches, l == 0);
     if (l > 0) forces.coarsen(ratio);
     auto applied = set_loads(problem, cases, patches, forces, problems.unit);
+    const BodiesOnGrid bodies = examine_bodies(problem, image, l == 0, options.held);
     if (l > 0) continue;
     problems.applied = std::move(applied);
-    if (options.held || std::ranges::any_of(cases, acts)) require_held(problem, options.held);
+    problems.bodies = bodies;
   }
   return problems;
 }

@@ -208,6 +208,10 @@ std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const
       Field start = zeros<double>(problem.grid.size());
       if (!u.empty()) prolong(*problems.grids[l + 1], problem, u, start);
       u = std::move(start);
+      // What coarser grids, where more hangs together, say of points without unknowns.
+      for_all(u.size(), [&](std::size_t i) {
+        if (problem.inverse_diagonal[i] == 0.0F) u[i] = 0.0;
+      });
       problem.set_held(u);
       CellLevel found = Iterations(problem, problem.loads[c], l, precondition, u).run(options, stage);
       if (problems.shrunk && problem.grid.cells == problems.shrunk->cells && found.strain_energy > 0.0) {
@@ -230,6 +234,7 @@ std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const
     }
     tell_error(solution);
     solution.applied = problems.applied[c];
+    solution.bodies = problems.bodies;
   }
   return solutions;
 }

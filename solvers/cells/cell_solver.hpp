@@ -34,6 +34,15 @@ struct CellOptions {
   VoxelParts parts{};       ///< parts of the boundary besides those that an ImageBoundary names
 };
 
+/// Bodies of an image that are not what they are on a grid: cells with a point in common are one body there.
+struct BodiesOnGrid {
+  Index left_out = 0;          ///< that nothing holds and nothing loads
+  double left_out_part = 0.0;  ///< of the cells with material
+  Vec<3> left_out_at{};        ///< a corner of a cell of the largest, in the world
+  Index joined = 0;            ///< of at least a hundredth of the largest, by faces of voxels, with an earlier one
+  Vec<3> joined_at{};          ///< the first voxel of one of these
+};
+
 /// What was found on one grid.
 struct CellLevel {
   Vec<3> edges;     ///< of a cell [length]
@@ -79,6 +88,8 @@ struct CellSolution {
   /// If asked for: relative change of the strain energy, to first order, if the boundaries of the material were half a
   /// voxel further in.
   double half_voxel = 0.0;
+
+  BodiesOnGrid bodies{};  ///< of the finest grid
 
   const CellLevel& finest() const { return levels.front(); }
 };

@@ -11,6 +11,7 @@
 #include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <optional>
 
@@ -46,13 +47,18 @@ class CellBodies {
     join();
   }
 
-  /// The body with the most cells; nothing if all is void.
-  std::optional<Index> largest() const {
+  /// Cells by body; 0 for what is not the first run of one.
+  std::vector<std::int64_t> sizes() const {
     std::vector<std::int64_t> cells(runs_.size(), 0);
     for (const Run& run : runs_) cells[run.body] += run.end - run.begin;
-    const auto most = std::ranges::max_element(cells);
-    if (most == cells.end()) return {};
-    return static_cast<Index>(most - cells.begin());
+    return cells;
+  }
+  /// Of a cell; -1 if that is void.
+  Index body_of(const std::array<Index, 3>& cell) const {
+    const std::size_t row = cell[1] + static_cast<std::size_t>(cells_[1]) * cell[2];
+    for (std::size_t r = first_[row]; r < first_[row + 1]; ++r)
+      if (cell[0] >= runs_[r].begin && cell[0] < runs_[r].end) return runs_[r].body;
+    return -1;
   }
   /// A cell of a body.
   std::array<Index, 3> cell_of(Index body) const {
@@ -169,17 +175,9 @@ Grips grips(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& 
   return all;
 }
 
-}  // namespace
-
-void require_held(const CellProblem& problem, bool largest_is_held) {
-  const CellBodies bodies(problem.grid);
-  const auto largest = bodies.largest();
-  if (!largest) return;
-  const auto& n = problem.grid.cells;
-  const Vec<3> middle = problem.local({n[0] / 2, n[1] / 2, n[2] / 2});
-  const double length = problem.local(n).norm();
-  Grips all = grips(problem, bodies, middle, length);
-  if (largest_is_held) all.try_emplace(*largest, problem.loads.size());
+/// Throws InputError for a body that is loaded but may move, and the `largest`, if it is one, that may move.
+void require_held(const CellProblem& problem, const CellBodies& bodies, const Grips& all, Index largest,
+                  const Vec<3>& middle, double length) {
   for (const auto& [body, grip] : all) {
     const auto [stiffness, motions] = spectrum<6>(grip.held);
     const auto free = static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, grip.held.trace())).count());
@@ -188,7 +186,7 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
           "{}",
           fmt::join(motion_names<3>(motions.leftCols(free), problem.origin + problem.axes * middle, length), ", "));
     };
-    if (largest_is_held && body == *largest && free > 0)
+    if (body == largest && free > 0)
       throw InputError(
           fmt::format("underconstrained: the body at {} is free to move ({}); prescribe displacements that hold it",
                       text_of(problem.place(bodies.cell_of(body))), names()));
@@ -199,6 +197,77 @@ void require_held(const CellProblem& problem, bool largest_is_held) {
               fmt::format("the body at {} is loaded, but free to move ({}): prescribe displacements that hold it",
                           text_of(problem.place(bodies.cell_of(body))), names()));
   }
+}
+
+/// Takes the bodies without a grip out of the unknowns.
+void leave_out(CellProblem& problem, const CellBodies& bodies, const Grips& gripped,
+               const std::vector<std::int64_t>& sizes, BodiesOnGrid& found) {
+  std::int64_t all = 0, out = 0, most = 0;
+  for (std::size_t body = 0; body < sizes.size(); ++body) {
+    all += sizes[body];
+    if (sizes[body] == 0 || gripped.contains(static_cast<Index>(body))) continue;
+    ++found.left_out;
+    out += sizes[body];
+    if (sizes[body] > most) {
+      most = sizes[body];
+      found.left_out_at = problem.place(bodies.cell_of(static_cast<Index>(body)));
+    }
+  }
+  if (found.left_out == 0) return;
+  found.left_out_part = static_cast<double>(out) / static_cast<double>(all);
+  const CellGrid& grid = problem.grid;
+  parallel_chunks(grid.cells[2] + 1, 1, [&](Index k, Index) {
+    for (Index j = 0; j <= grid.cells[1]; ++j)
+      bodies.for_points(j, k, [&](Index i, Index body) {
+        if (gripped.contains(body)) return;
+        for (int c = 0; c < 3; ++c) problem.inverse_diagonal[c * grid.nodes() + grid.node(i, j, k)] = 0.0F;
+      });
+  });
+}
+
+/// Bodies of voxels that are one on the grid.
+void find_joined(const CellProblem& problem, const CellBodies& bodies, const LabelImage<3>& image,
+                 BodiesOnGrid& found) {
+  constexpr double least = 0.01;  // of the largest
+  const std::vector<PixelBody> of_voxels = pixel_bodies(image);
+  if (of_voxels.size() < 2) return;
+  const double largest = static_cast<double>(std::ranges::max_element(of_voxels, {}, &PixelBody::pixels)->pixels);
+  std::map<Index, int> on_grid;
+  for (const PixelBody& body : of_voxels) {
+    if (static_cast<double>(body.pixels) < least * largest) continue;
+    std::array<Index, 3> cell;
+    Vec<3> middle;
+    std::size_t voxel = body.first;
+    for (int d = 0; d < 3; voxel /= image.size[d++]) {
+      middle[d] = static_cast<double>(voxel % image.size[d]) + 0.5;
+      cell[d] = static_cast<Index>(middle[d] * problem.grid.cells[d] / image.size[d]);
+    }
+    const Index there = bodies.body_of(cell);
+    if (there < 0 || ++on_grid[there] == 1) continue;
+    ++found.joined;
+    found.joined_at = image.in_world(image.origin + middle.cwiseProduct(image.spacing));
+  }
+}
+
+}  // namespace
+
+BodiesOnGrid examine_bodies(CellProblem& problem, const LabelImage<3>& image, bool finest, bool largest_is_held) {
+  const CellBodies bodies(problem.grid);
+  const std::vector<std::int64_t> sizes = bodies.sizes();
+  BodiesOnGrid found;
+  if (sizes.empty()) return found;
+  const auto& n = problem.grid.cells;
+  const Vec<3> middle = problem.local({n[0] / 2, n[1] / 2, n[2] / 2});
+  const double length = problem.local(n).norm();
+  Grips all = grips(problem, bodies, middle, length);
+  const auto largest = static_cast<Index>(std::ranges::max_element(sizes) - sizes.begin());
+  if (finest) {
+    if (largest_is_held) all.try_emplace(largest, problem.loads.size());
+    require_held(problem, bodies, all, largest_is_held ? largest : -1, middle, length);
+    find_joined(problem, bodies, image, found);
+  }
+  leave_out(problem, bodies, all, sizes, found);
+  return found;
 }
 
 }  // namespace efree::internal

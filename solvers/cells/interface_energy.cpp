@@ -11,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 namespace efree::internal {
@@ -23,9 +24,17 @@ struct Phase {
   double modulus;    ///< C_xxxx of it
   BoxRange cells;    ///< that may have some of it
   std::vector<float> part;
+  /// Of what differs from place to place, by cell: the mean modulus of its octants, and the largest over the smallest.
+  std::vector<float> mean{}, contrast{};
 
   double in(const std::array<Index, 3>& cell) const {
     return cells.holds(cell) ? static_cast<double>(part[cells.index(cell)]) : 0.0;
+  }
+  double modulus_in(const std::array<Index, 3>& cell) const {
+    return mean.empty() || !cells.holds(cell) ? modulus : static_cast<double>(mean[cells.index(cell)]);
+  }
+  double contrast_in(const std::array<Index, 3>& cell) const {
+    return contrast.empty() || !cells.holds(cell) ? 1.0 : static_cast<double>(contrast[cells.index(cell)]);
   }
 };
 
@@ -75,6 +84,8 @@ class MixedCells {
       const auto [least, most] = std::ranges::minmax(phases_, {}, &Phase::modulus);
       different_ = most.modulus > (1.0 + least_contrast) * least.modulus;
     }
+    const auto varies = [](const Phase& phase) { return !(*phase.material)->homogeneous(); };
+    different_ = different_ || std::ranges::any_of(phases_, varies);
     if (!different_) return;
     const auto cells = boxes_of_groups(image, phase_of_label, static_cast<Index>(phases_.size()), n_);
     for (std::size_t label = 0; label < phase_of_label.size(); ++label) {
@@ -84,7 +95,10 @@ class MixedCells {
       one[label] = 1.0F;
       phases_[p].cells = cells[p];
       phases_[p].part = BoxAverages(image, counts, one, n_).in(cells[p]);
+      if (varies(phases_[p])) find_moduli(phases_[p]);
     }
+    for (const Phase& phase : phases_)
+      stiffness_.emplace_back(std::vector<SharedMaterial>{*phase.material}, Plane::strain);
     count_phases();
   }
 
@@ -105,6 +119,7 @@ class MixedCells {
  private:
   static constexpr double least_contrast = 0.02;  ///< of moduli, that matters
   static constexpr double least_part = 1e-4;      ///< of a cell, likewise
+  static constexpr double most_contrast = 1.05;   ///< between octants of a cell that counts as one of one material
   static constexpr double least_aligned = 0.95;   ///< cosine between a normal and an axis of the grid
 
   void count_phases() {
@@ -114,7 +129,45 @@ class MixedCells {
         if (k < phase.cells.begin[2] || k >= phase.cells.end[2]) continue;
         for (Index j = phase.cells.begin[1]; j < phase.cells.end[1]; ++j)
           for (Index i = phase.cells.begin[0]; i < phase.cells.end[0]; ++i)
-            phases_in_[all_.index({i, j, k})] += phase.in({i, j, k}) > least_part;
+            if (phase.in({i, j, k}) > least_part)
+              phases_in_[all_.index({i, j, k})] += phase.contrast_in({i, j, k}) > most_contrast ? 2 : 1;
+      }
+    });
+  }
+  /// Middle of an octant, in the world.
+  Vec<3> octant(const std::array<Index, 3>& cell, int q) const {
+    Vec<3> at;
+    for (int d = 0; d < 3; ++d) at[d] = cell[d] + (q >> d & 1 ? 0.75 : 0.25);
+    return solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(at);
+  }
+  void find_moduli(Phase& phase) const {
+    phase.mean.assign(phase.part.size(), 0.0F);
+    phase.contrast.assign(phase.part.size(), 1.0F);
+    const Material& material = **phase.material;
+    const auto& [low, high] = phase.cells;
+    parallel_chunks(high[2] - low[2], 1, [&](Index layer, Index) {
+      for (Index j = low[1]; j < high[1]; ++j) {
+        std::vector<Index> there;
+        for (Index i = low[0]; i < high[0]; ++i)
+          if (phase.in({i, j, low[2] + layer}) > 0.0) there.push_back(i);
+        Points<3> X(3, 8 * static_cast<Index>(there.size()));
+        for (std::size_t c = 0; c < there.size(); ++c)
+          for (int q = 0; q < 8; ++q) X.col(8 * static_cast<Index>(c) + q) = octant({there[c], j, low[2] + layer}, q);
+        if (there.empty()) continue;
+        const MaterialResponse response =
+            respond(material, Deformation::none(std::move(X), material.history_size()), true);
+        for (std::size_t c = 0; c < there.size(); ++c) {
+          double sum = 0.0, least = std::numeric_limits<double>::infinity(), most = 0.0;
+          for (int q = 0; q < 8; ++q) {
+            const double of = response.tangent_at(8 * static_cast<Index>(c) + q)(0, 0);
+            sum += of;
+            least = std::min(least, of);
+            most = std::max(most, of);
+          }
+          const std::size_t at = phase.cells.index({there[c], j, low[2] + layer});
+          phase.mean[at] = static_cast<float>(sum / 8.0);
+          phase.contrast[at] = static_cast<float>(most / least);
+        }
       }
     });
   }
@@ -123,7 +176,7 @@ class MixedCells {
     double sum = 0.0, all = 0.0;
     for (const Phase& phase : phases_) {
       const double part = phase.in(at);
-      sum += part * phase.modulus;
+      sum += part * phase.modulus_in(at);
       all += part;
     }
     return all > 0.0 ? sum / all : 0.0;
@@ -198,15 +251,20 @@ class MixedCells {
   double in_cell(const std::array<Index, 3>& at) const {
     double all = 0.0;
     for (const Phase& phase : phases_) all += phase.in(at);
-    const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(
-                                                                  Vec<3>(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5));
     std::vector<std::pair<double, VoigtMatrix<3>>> layers;
     VoigtMatrix<3> mean = VoigtMatrix<3>::Zero();
-    for (const Phase& phase : phases_) {
-      const double share = phase.in(at) / all;
+    Stiffness<3> room;
+    const auto add = [&](double share, const VoigtMatrix<3>& C) {
+      layers.emplace_back(share, C);
+      mean += share * C;
+    };
+    for (std::size_t p = 0; p < phases_.size(); ++p) {
+      const double share = phases_[p].in(at) / all;
       if (share <= least_part) continue;
-      layers.emplace_back(share, Materials<3>({*phase.material}, Plane::strain).stiffness(0, x).C);
-      mean += share * layers.back().second;
+      if (phases_[p].mean.empty())
+        add(share, phases_[p].C);
+      else
+        for (int q = 0; q < 8; ++q) add(0.125 * share, stiffness_[p].stiffness(0, octant(at, q), room).C);
     }
     const Voigt<3> strain = strain_of<3>(slope(at).reshaped());
     const Vec<3> along = normal(at);
@@ -239,10 +297,12 @@ class MixedCells {
           all += phase.in(there);
           if (most == nullptr || phase.in(there) > most->in(there)) most = &phase;
         }
-        if (all < 0.5 || most->in(there) < (1.0 - least_part) * all) continue;
+        if (all < 0.5 || most->in(there) < (1.0 - least_part) * all || most->contrast_in(there) > most_contrast)
+          continue;
         const Vec<3> x = solution_.grid.origin + solution_.axes * solution_.grid.spacing.cwiseProduct(Vec<3>(
                                                                       there[0] + 0.5, there[1] + 0.5, there[2] + 0.5));
-        return Materials<3>({*most->material}, Plane::strain).stiffness(0, x).C * strain_of<3>(slope(there).reshaped());
+        Stiffness<3> room;
+        return stiffness_[most - phases_.data()].stiffness(0, x, room).C * strain_of<3>(slope(there).reshaped());
       }
     return {};
   }
@@ -251,6 +311,7 @@ class MixedCells {
   std::array<Index, 3> n_;
   BoxRange all_{{0, 0, 0}, n_};
   std::vector<Phase> phases_;
+  std::vector<Materials<3>> stiffness_;  ///< by phase
   std::vector<std::uint8_t> phases_in_;  ///< by cell, how many
   bool different_ = false, anisotropic_ = false;
 };
@@ -259,7 +320,9 @@ class MixedCells {
 
 double interface_energy(const CellSolution& solution, const LabelImage<3>& image,
                         const std::vector<SharedMaterial>& materials) {
-  if (std::ranges::count_if(materials, [](const SharedMaterial& one) { return bool(one); }) < 2) return 0.0;
+  const auto is_one = [](const SharedMaterial& one) { return bool(one); };
+  const auto varies = [](const SharedMaterial& one) { return one && !one->homogeneous(); };
+  if (std::ranges::count_if(materials, is_one) < 2 && std::ranges::none_of(materials, varies)) return 0.0;
   return MixedCells(solution, image, materials).energy();
 }
 

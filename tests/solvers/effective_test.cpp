@@ -178,7 +178,7 @@ TEST(EffectiveStiffness, OfOneAnisotropicMaterialIsItsOwnAlongTheAxesOfTheImage)
 TEST(EffectiveStiffness, OfAnAnisotropicLaminateIsExact) {
   for (const int axis : {0, 2})
     for (const Index n : {15, 22}) {
-      Cells size{5, 3, 4};
+      CellCounts size{5, 3, 4};
       size[axis] = n;
       const Index layer = n / 3;
       const auto image = image_of(size, [&](const Vec<3>& x) -> Label { return x[axis] < layer ? 1 : 2; });

@@ -55,6 +55,12 @@ struct CellProblem {
   /// In the world.
   Vec<3> place(const std::array<Index, 3>& node) const { return origin + axes * local(node); }
   Vec<3> centroid(const BoundaryPatch& patch) const { return origin + axes * patch.at; }
+  /// Where its loads act together, in the world: for_corners.
+  Vec<3> acting_place(const BoundaryPatch& patch) const {
+    Vec<3> at = Vec<3>::Zero();
+    for_corners(patch, [&](const std::array<Index, 3>& node, double value) { at += value * place(node); });
+    return at;
+  }
   /// Calls f(node, value) for the corners of a patch's cell, with their functions where the stiffness has the octant
   /// (on the frame: at that side of it). Loads elsewhere would move corners that hardly any material holds.
   template <class F> void for_corners(const BoundaryPatch& patch, const F& f) const {
@@ -126,9 +132,10 @@ void hold_nodes(CellProblem& problem, const PartPatches& patches, bool finest);
 /// The springs of elastic restraints, scaled by `unit`. Throws InputError for a stiffness that is negative or not
 /// finite.
 Springs make_springs(const CellProblem& problem, const PartPatches& patches, double unit);
-/// Throws InputError naming the place of a body that is loaded, but not held against the motion its loads ask for, and
-/// of the largest one if it has to be `held` but may move. Bodies are cells with a point in common.
-void require_held(const CellProblem& problem, bool largest_is_held);
+/// Whether bodies are held. Those that nothing holds and nothing loads are taken out of the unknowns. `finest`: throws
+/// InputError naming the place of a body that is loaded, but not held against the motion its loads ask for, and of the
+/// largest one if it has to be `held` but may move. Bodies are cells with a point in common.
+BodiesOnGrid examine_bodies(CellProblem& problem, const LabelImage<3>& image, bool finest, bool largest_is_held);
 
 struct CellProblems {
   std::vector<Restraint<3>> restraints;
@@ -136,6 +143,7 @@ struct CellProblems {
   double unit = 1.0;  ///< force over displacement: true forces and energies are this times the scaled ones
   std::vector<std::vector<AppliedLoad<3>>> applied;  ///< by case, as the finest grid has them, unscaled
   std::optional<CellGrid> shrunk;  ///< the second grid with half a voxel less of material, if asked for
+  BodiesOnGrid bodies{};           ///< of the finest grid
 };
 
 /// Throws as solve_on_cells says, but for NumericalError.

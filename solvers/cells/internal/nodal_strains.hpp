@@ -50,6 +50,9 @@ class RegionShare {
       if (part > 1.0F - rounding) part = 1.0F;
   }
   const BoxRange& cells() const { return cells_; }
+  const BoxRange& octants() const { return octants_; }
+  /// By octant, to be shared out between regions.
+  std::vector<float>& parts() { return part_; }
   /// In octant q = x + 2 y + 4 z of one of these cells.
   float at(const std::array<Index, 3>& cell, int q) const {
     return part_[octants_.index({2 * cell[0] + (q & 1), 2 * cell[1] + (q >> 1 & 1), 2 * cell[2] + (q >> 2)})];

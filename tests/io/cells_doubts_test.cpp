@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What answers on cells have to warn of, and the errors that they state.
+#include "efree/tests/io/workspace.hpp"
+
+#include "efree/io/case/case_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace efree {
+namespace {
+
+using test::json, test::replaced, test::Workspace;
+using ::testing::HasSubstr, ::testing::Not;
+
+/// A bar of 40 x 8 x 8 voxels, pulled along x.
+const std::string bar = R"([geometry]
+file = "bar.raw"
+[geometry.image]
+raw = { size = [40, 8, 8], type = "uint8" }
+[analysis]
+largest_error = 10
+[material]
+E = 100
+nu = 0
+[[boundary]]
+on = "left"
+displacement = [0, 0, 0]
+[[boundary]]
+on = "right"
+traction = [1, 0, 0]
+[[probe]]
+name = "tip"
+at = [40, 4, 4]
+)";
+
+struct Bar : Workspace {
+  explicit Bar(
+      const std::string& text, const std::function<int(int i, int j, int k)>& label = [](int, int, int) { return 1; })
+      : Workspace(text) {
+    std::ofstream image(*this / "bar.raw", std::ios::binary);
+    for (int k = 0; k < 8; ++k)
+      for (int j = 0; j < 8; ++j)
+        for (int i = 0; i < 40; ++i) image.put(static_cast<char>(label(i, j, k)));
+  }
+  /// What was printed.
+  std::string solve(int status = 0) const {
+    const auto run = efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(run.status, status) << run.output;
+    return run.output;
+  }
+};
+std::string with_cells(const std::string& size) {
+  return replaced(bar, "file = \"bar.raw\"", "file = \"bar.raw\"\nmesh_size = " + size);
+}
+
+TEST(CellsDoubts, SlitsThatCellsCloseAreWarnedOf) {
+  const auto slit = [](int width) {
+    return [width](int i, int, int k) { return i >= 20 && i < 20 + width && k >= 2 ? 0 : 1; };
+  };
+  EXPECT_THAT(Bar(with_cells("2"), slit(1)).solve(), HasSubstr("gaps narrower than two cells are closed by the grid"));
+  EXPECT_THAT(Bar(with_cells("2"), slit(1)).solve(), HasSubstr("take mesh_size = 0.5 or less"));
+  EXPECT_THAT(Bar(with_cells("2"), slit(2)).solve(), Not(HasSubstr("gaps"))) << "a whole cell";
+  EXPECT_THAT(Bar(with_cells("0.5"), slit(1)).solve(), Not(HasSubstr("gaps")));
+}
+
+TEST(CellsDoubts, BodiesThatCellsJoinAreWarnedOf) {
+  const auto parted = [](int i, int, int) { return i == 20 ? 0 : 1; };
+  EXPECT_THAT(Bar(with_cells("2"), parted).solve(),
+              HasSubstr("bodies that do not hang together by faces of voxels are one on the grid"));
+  EXPECT_THAT(Bar(with_cells("0.5"), parted).solve(2), HasSubstr("free to move (translation along x"));
+}
+
+TEST(CellsDoubts, BodiesThatNothingHoldsAreLeftOutAndStayWhereTheyAre) {
+  const auto block_beside = [](int i, int, int) { return i >= 12 && i < 20 ? 0 : 1; };
+  const std::string held = replaced(with_cells("1"), "on = \"right\"", "on = { box = [[12, -1, -1], [12, 9, 9]] }");
+  const Bar work(held, block_beside);
+  EXPECT_THAT(work.solve(2), HasSubstr("free to move")) << "it is the largest";
+  const Bar lone(replaced(held, "at = [40, 4, 4]", "at = [12, 4, 4]"),
+                 [](int i, int, int) { return (i >= 12 && i < 20) || i > 28 ? 0 : 1; });
+  EXPECT_THAT(lone.solve(), HasSubstr("warning: a body that nothing holds or loads is left out, 43 % of the material"));
+  const auto result = json(lone / "out/result.json");
+  EXPECT_EQ(result["reports"]["free_bodies"], 1);
+  EXPECT_NEAR(result["probes"]["tip"]["displacement"][0], 12.0 / 100.0, 4e-3) << "an inner face, of rounded edges";
+  EXPECT_NEAR(result["extremes"]["displacement"]["value"], 12.0 / 100.0, 4e-3);
+}
+
+/// Compliances add up; where the jump is within a cell the strain there is the same on both sides of it.
+TEST(CellsDoubts, JumpsOfAModulusBetweenPlacesAreInTheErrorAsThoseBetweenLabelsAre) {
+  for (const int place : {5, 13})
+    for (const double contrast : {3.0, 100.0}) {
+      const std::string text =
+          replaced(with_cells("2"), "E = 100",
+                   "E = \"x > " + std::to_string(place) + " ? " + std::to_string(100.0 * contrast) + " : 100\"");
+      const Bar work(text);
+      work.solve();
+      const auto result = json(work / "out/result.json");
+      const double exact = place / 100.0 + (40.0 - place) / (100.0 * contrast),
+                   found = result["probes"]["tip"]["displacement"][0], said = result["probes"]["tip"]["error"][0],
+                   energy = result["strain_energy"], total = result["estimates"]["energy"]["total"];
+      EXPECT_LE(std::abs(found - exact), 1.5 * said + 1e-4 * exact) << place << ' ' << contrast;
+      EXPECT_LE(std::abs(energy / (32.0 * exact) - 1.0), 2.0 * total * total + 1e-4) << place << ' ' << contrast;
+    }
+}
+
+TEST(CellsDoubts, ErrorsOfReactionsHoldWhatInterfacesWithinCellsLack) {
+  const std::string pulled = replaced(
+      replaced(with_cells("2"), "traction = [1, 0, 0]", "displacement = [1, 0, 0]"), "[material]\nE = 100\nnu = 0\n",
+      "[[material]]\nregion = \"1\"\nE = 100\nnu = 0\n[[material]]\nregion = \"2\"\nE = "
+      "10000\nnu = 0\n");
+  const Bar work(pulled + "[[reaction]]\nname = \"pull\"\non = \"right\"\n",
+                 [](int i, int, int) { return i < 21 ? 1 : 2; });
+  work.solve();
+  const auto reaction = json(work / "out/result.json")["reactions"]["pull"];
+  const double exact = 64.0 / (21.0 / 100.0 + 19.0 / 10000.0),
+               off = std::abs(reaction["force"][0].get<double>() - exact);
+  EXPECT_GT(off, 0.01 * exact);
+  EXPECT_GT(reaction["error"][0].get<double>(), 0.5 * off);
+  EXPECT_LT(reaction["error"][0].get<double>(), 2.0 * off);
+}
+
+TEST(CellsDoubts, RegionsFillTheImageWhereThreeOrMoreMeet) {
+  std::string text = replaced(with_cells("2"), "[material]\nE = 100\nnu = 0\n", "");
+  for (int region = 1; region <= 8; ++region)
+    text += "[[material]]\nregion = \"" + std::to_string(region) + "\"\nE = 100\nnu = 0\n";
+  const Bar work(text, [](int i, int j, int k) { return 1 + (i > 18) + 2 * (j > 2) + 4 * (k > 4); });
+  work.solve();
+  const auto regions = json(work / "out/result.json")["by_region"];
+  double all = 0.0;
+  for (const auto& [name, of] : regions.items()) all += of["volume"].get<double>();
+  EXPECT_NEAR(all, 40.0 * 8.0 * 8.0, 1e-3);
+  EXPECT_NEAR(regions["1"]["volume"], 19.0 * 3.0 * 5.0, 0.03 * 19.0 * 3.0 * 5.0);
+}
+
+TEST(CellsDoubts, MomentsOnWallsOfPoresAreExact) {
+  const Bar work(
+      replaced(replaced(with_cells("1"), "on = \"right\"\ntraction = [1, 0, 0]", "on = \"pores\"\nmoment = [0, 0, 5]"),
+               "at = [40, 4, 4]", "at = [40, 1, 1]"),
+      [](int i, int j, int k) { return std::hypot(i - 19.5, j - 3.5, k - 3.5) < 3.0 ? 0 : 1; });
+  work.solve();
+  const auto load = json(work / "out/result.json")["loads"][0];
+  EXPECT_NEAR(load["moment"][2], 5.0, 1e-9);
+  EXPECT_NEAR(load["force"][1], 0.0, 1e-9);
+}
+
+TEST(CellsDoubts, WhatIsNoNumberIsVoidAndSaidSo) {
+  std::string text = replaced(bar, "type = \"uint8\" }", "type = \"float32\" }\nthreshold = 0.5");
+  text = replaced(text, "on = \"right\"", "on = { box = [[36, -1, -1], [36, 9, 9]] }");
+  const Bar work(replaced(text, "at = [40, 4, 4]", "at = [36, 4, 4]"));
+  std::ofstream image(work / "bar.raw", std::ios::binary);
+  for (int p = 0; p < 40 * 8 * 8; ++p) {
+    const float value = p % 40 < 36 ? 1.0F : std::numeric_limits<float>::quiet_NaN();
+    image.write(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+  image.close();
+  EXPECT_THAT(work.solve(), HasSubstr("256 voxels of the image are not numbers, and are taken for void"));
+  EXPECT_NEAR(json(work / "out/result.json")["by_region"]["1"]["volume"], 36.0 * 64.0, 1.0);
+}
+
+}  // namespace
+}  // namespace efree
