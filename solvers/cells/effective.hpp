@@ -22,7 +22,8 @@ struct EffectiveOptions {
   /// faces of voxels. Of materials that differ from place to place they are smooth.
   bool smooth = true;
   /// Of the iterations: relative error in the energy norm. That of the tensor is its square. 0: a hundredth of the root
-  /// of what the grid differs by from the one before, which is a ten thousandth of that in the tensor, and at least 5e-5.
+  /// of what the grid differs by from the one before, which is a ten thousandth of that in the tensor, and at least
+  /// 5e-5.
   double tolerance = 0.0;
   int most = 300;  ///< iterations on a grid after which it is given up
   int loads = 0;   ///< how many columns of the tensor are computed, the others are 0; 0: all (measurements only)
