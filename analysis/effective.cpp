@@ -135,9 +135,10 @@ void find_bounds(const EffectiveSettings& settings, const std::vector<Phase>& ph
       if (!phase.material->homogeneous() || !is_isotropic(phase.material, Vec<3>::Zero())) return;
       const VoigtMatrix<3> C = Materials<3>({phase.material}, Plane::strain).stiffness(0, Vec<3>::Zero()).C;
       mu = C(5, 5);
-      if (C(0, 1) > 9.0 * mu && !result.on_mesh)  // nu > 0.45
-        result.warnings.push_back(fmt::format(
-            "the stiffness may be too high: \"{}\" is nearly incompressible, and trilinear cells lock", phase.region));
+      if (C(0, 1) > 9.0 * mu)  // nu > 0.45
+        result.warnings.push_back(
+            fmt::format("the stiffness may be too high: \"{}\" is nearly incompressible, and {} lock", phase.region,
+                        result.on_mesh ? "quadratic elements" : "trilinear cells"));
       kappa = C(0, 1) + 2.0 / 3.0 * mu;
     }
     first.emplace_back(phase.fraction, kappa);

@@ -22,6 +22,10 @@ constexpr double least_turn = 1e-6;
 
 /// The rotation or reflection next to axes of length 1. Throws InputError for sheared ones.
 template <int Dim> Mat<Dim> at_right_angles(const std::string& path, const Mat<Dim>& axes) {
+  for (int d = 0; d < Dim; ++d)
+    if (!(std::abs(axes.col(d).norm() - 1.0) <= most_shear))
+      throw InputError(fmt::format("{}: its axis {}, ({:.4g}), has the length {:.4g}, expected 1: lengths are spacings",
+                                   path, d + 1, fmt::join(axes.col(d), ", "), axes.col(d).norm()));
   const double shear = (axes.transpose() * axes - Mat<Dim>::Identity()).cwiseAbs().maxCoeff();
   if (!(shear <= most_shear)) {
     std::vector<std::string> columns;

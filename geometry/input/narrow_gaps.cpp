@@ -12,6 +12,7 @@ namespace {
 
 struct Gap {
   Index begin, end;  ///< voxels of a column
+  bool is_closed;    ///< no whole cell is in it
 };
 
 /// The gaps along one axis, column by column.
@@ -24,9 +25,9 @@ class Columns {
         size_{image.size[first_], image.size[second_]},
         gaps_(static_cast<std::size_t>(size_[0]) * size_[1]) {
     const double to_cell = static_cast<double>(image.size[axis]) / cells;  // voxels
-    const auto holds_no_cell = [&](const Gap& gap) {
-      constexpr double rounding = 1e-9;
-      return (std::ceil(gap.begin / to_cell - rounding) + 1.0) * to_cell > gap.end + rounding;
+    constexpr double rounding = 1e-9;
+    const auto holds_no_cell = [&](Index begin, Index end) {
+      return (std::ceil(begin / to_cell - rounding) + 1.0) * to_cell > end + rounding;
     };
     // Rows of voxels in the order of memory; each thread has its own columns.
     parallel_chunks(axis == 1 ? image.size[0] : size_[1], 8, [&](Index low, Index high) {
@@ -35,9 +36,11 @@ class Columns {
         if (image.at({i, j, k}) == 0) return;
         const std::array<Index, 3> voxel{i, j, k};
         const std::size_t c = column(voxel[first_], voxel[second_]);
-        const Gap gap{last[c] + 1, voxel[axis_]};
-        last[c] = voxel[axis_];
-        if (gap.begin > 0 && gap.end > gap.begin && holds_no_cell(gap)) gaps_[c].push_back(gap);
+        const Index begin = last[c] + 1, end = voxel[axis_];
+        last[c] = end;
+        // In what is two cells wide there is a whole one, in less it depends on where that begins.
+        if (begin > 0 && end > begin && end - begin < 2.0 * to_cell - rounding)
+          gaps_[c].push_back({begin, end, holds_no_cell(begin, end)});
       };
       const bool by_k = axis == 0, by_j = axis == 2;
       for (Index k = by_k ? low : 0; k < (by_k ? high : image.size[2]); ++k)
@@ -64,6 +67,7 @@ class Columns {
     for (Index b = 0; b < size_[1]; ++b)
       for (Index a = 0; a < size_[0]; ++a)
         for (const Gap& gap : gaps_[column(a, b)]) {
+          if (!gap.is_closed) continue;
           if (found.area == 0.0) {
             Vec<3> at;
             at[axis_] = 0.5 * (gap.begin + gap.end);

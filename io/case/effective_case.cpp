@@ -61,6 +61,8 @@ EffectiveCase read_effective(const CaseText& text) {
   result.smooth = effective.choice<bool>("interfaces", {{"smooth", true}, {"voxels", false}}, true);
   result.size = text.geometry.number("mesh_size", positive, 0.0);
   result.geometry = read_geometry<3>(text.geometry, text.folder(), text.reading);
+  if (!result.geometry.image && result.geometry.grey)
+    text.geometry.fail("image", "images in space are solved on the grid of their voxels here: leave the mesher out");
   if (!result.geometry.image)
     for (const char* key : {"subvolumes", "interfaces"})
       if (effective.has(key))

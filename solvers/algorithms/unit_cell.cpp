@@ -3,26 +3,24 @@
 
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
-#include "efree/geometry/mesh/locator.hpp"
 #include "efree/solvers/linear/cholesky.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
-#include <optional>
 #include <utility>
 
 namespace efree {
 namespace {
 
-using Row = std::map<Index, double>;
-
 /// The box around a mesh.
 template <int Dim> struct Frame {
-  static constexpr double rounding = 1e-7;  // of its lengths
+  static constexpr double rounding = 1e-6;  // of its lengths
   Vec<Dim> low, lengths;
 
   explicit Frame(const FineMesh<Dim>& mesh)
@@ -38,71 +36,66 @@ template <int Dim> struct Frame {
   }
 };
 
-/// What degrees of freedom are made of: themselves, or those opposite.
-template <int Dim> class PeriodicRows {
- public:
-  PeriodicRows(const FineSpace<Dim>& space, const Frame<Dim>& frame)
-      : space_(space), frame_(frame), locate_(space.mesh()), rows_(space.size()) {}
-  const Row& row(Index dof) {
-    std::optional<Row>& known = rows_[dof];
-    if (known) return *known;
-    Vec<Dim> opposite = space_.points().col(dof);
+/// By degree of freedom the one that it is the same as on a periodic frame: itself, or the one opposite.
+template <int Dim> std::vector<Index> opposite_dofs(const FineSpace<Dim>& space, const Frame<Dim>& frame) {
+  // Places in units of the rounding, so that those of like meshes are equal but for one unit.
+  using Key = std::array<std::int64_t, Dim>;
+  const auto key_of = [&](const Vec<Dim>& x) {
+    Key key;
+    for (int d = 0; d < Dim; ++d)
+      key[d] = std::llround((x[d] - frame.low[d]) / (4.0 * Frame<Dim>::rounding * frame.lengths[d]));
+    return key;
+  };
+  std::map<Key, Index> dof_at;
+  for (Index dof = 0; dof < space.size(); ++dof) dof_at.emplace(key_of(space.points().col(dof)), dof);
+  const auto find = [&](const Vec<Dim>& x) {
+    const Key key = key_of(x);
+    Key near;
+    for (int n = 0; n < (Dim == 2 ? 9 : 27); ++n) {
+      int rest = n;
+      for (int d = 0; d < Dim; ++d, rest /= 3) near[d] = key[d] + rest % 3 - 1;
+      if (const auto found = dof_at.find(near); found != dof_at.end()) return found->second;
+    }
+    return Index(-1);
+  };
+  std::vector<Index> opposite(space.size());
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    Vec<Dim> x = space.points().col(dof);
+    opposite[dof] = dof;
     bool is_free = true;
     for (int d = 0; d < Dim; ++d)
-      if (frame_.is_at_end(opposite, d)) {
-        opposite[d] = frame_.low[d];
+      if (frame.is_at_end(x, d)) {
+        x[d] = frame.low[d];
         is_free = false;
       }
-    if (is_free) return known.emplace(Row{{dof, 1.0}});
-    const Location<Dim> there = find(opposite, space_.points().col(dof));
-    const auto dofs = space_.cell(there.cell);
-    const auto values = space_.values(there.at);
-    Row sum;
-    for (std::size_t i = 0; i < dofs.size(); ++i) {
-      const double value = values[static_cast<Index>(i)];
-      if (std::abs(value) < 1e-9) continue;
-      for (const auto& [master, weight] : Row(row(dofs[i]))) sum[master] += value * weight;
-    }
-    return rows_[dof].emplace(std::move(sum));
+    if (is_free) continue;
+    opposite[dof] = find(x);
+    if (opposite[dof] < 0)
+      throw InputError(fmt::format(
+          "opposite sides of the unit cell do not have the same mesh: ({:.6g}) has nothing opposite, at "
+          "({:.6g}); mesh it periodically (gmsh: Periodic Surface), or take kinematic and static conditions, "
+          "between which the periodic ones are",
+          fmt::join(space.points().col(dof), ", "), fmt::join(x, ", ")));
   }
-
- private:
-  Location<Dim> find(const Vec<Dim>& opposite, const Vec<Dim>& x) const {
-    try {
-      return locate_(opposite);
-    } catch (const InputError&) {
-      throw InputError(
-          fmt::format("the geometry does not repeat itself: there is material at ({:.6g}) on the frame, and none "
-                      "opposite, at ({:.6g}); take kinematic conditions, or a unit cell whose sides match",
-                      fmt::join(x, ", "), fmt::join(opposite, ", ")));
-    }
-  }
-  const FineSpace<Dim>& space_;
-  const Frame<Dim>& frame_;
-  Locator<Dim> locate_;
-  std::vector<std::optional<Row>> rows_;
-};
+  return opposite;
+}
 
 /// Unknowns by degree of freedom of a scalar field: none of those that are held.
 template <int Dim>
 Eigen::SparseMatrix<double> unknowns(const FineSpace<Dim>& space, const Frame<Dim>& frame, FrameCondition condition) {
-  std::vector<Row> rows(space.size());
-  PeriodicRows<Dim> periodic(space, frame);
-  for (Index dof = 0; dof < space.size(); ++dof) {
-    if (condition == FrameCondition::periodic)
-      rows[dof] = periodic.row(dof);
-    else if (condition == FrameCondition::uniform || !frame.is_on(space.points().col(dof)))
-      rows[dof] = {{dof, 1.0}};
-  }
+  std::vector<Index> stands(space.size());  // by degree of freedom; -1: held
+  if (condition == FrameCondition::periodic)
+    stands = opposite_dofs(space, frame);
+  else
+    for (Index dof = 0; dof < space.size(); ++dof)
+      stands[dof] = condition == FrameCondition::kinematic && frame.is_on(space.points().col(dof)) ? -1 : dof;
   std::vector<Index> number(space.size(), -1);
-  for (const Row& row : rows)
-    for (const auto& [master, weight] : row) number[master] = 0;
   Index count = 0;
-  for (Index& of : number)
-    if (of == 0) of = count++;
+  for (Index dof = 0; dof < space.size(); ++dof)
+    if (stands[dof] == dof) number[dof] = count++;
   std::vector<Eigen::Triplet<double>> entries;
   for (Index dof = 0; dof < space.size(); ++dof)
-    for (const auto& [master, weight] : rows[dof]) entries.emplace_back(dof, number[master], weight);
+    if (stands[dof] >= 0) entries.emplace_back(dof, number[stands[dof]], 1.0);
   Eigen::SparseMatrix<double> T(space.size(), count);
   T.setFromTriplets(entries.begin(), entries.end());
   return T;
@@ -125,6 +118,34 @@ template <int Dim> void require_elements(const Approximation<Dim>& elements) {
   require(!elements.space.axisymmetric(), "effective tensors on a mesh: no axisymmetry expected");
 }
 
+/// The side of the frame that a facet is on: 2 axis, plus 1 at the upper end; -1: none.
+template <int Dim> int side_of(const FineMesh<Dim>& mesh, const Frame<Dim>& frame, Index facet) {
+  for (int side = 0; side < 2 * Dim; ++side) {
+    const int axis = side / 2;
+    const double end = frame.low[axis] + (side % 2) * frame.lengths[axis];
+    bool is_on = true;
+    for (const Index v : mesh.facets().col(facet))
+      is_on = is_on && std::abs(mesh.vertex(v)[axis] - end) <= Frame<Dim>::rounding * frame.lengths[axis];
+    if (is_on) return side;
+  }
+  return -1;
+}
+
+/// Throws InputError for a side of the frame that no facet is on: what touches it in points or along lines, or is not
+/// flat there, would not be held.
+template <int Dim> void require_sides(const FineMesh<Dim>& mesh, const Frame<Dim>& frame) {
+  std::array<double, 2 * Dim> area{};
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    if (const int side = side_of(mesh, frame, f); side >= 0) area[side] += mesh.facet_measure(f);
+  for (int side = 0; side < 2 * Dim; ++side)
+    if (area[side] == 0.0)
+      throw InputError(
+          fmt::format("no facet of the unit cell lies on the {} end of its frame along {}: the frame is the box around "
+                      "the mesh, and "
+                      "its sides have to be flat to {:g} of its length",
+                      side % 2 == 1 ? "upper" : "lower", "xyz"[side / 2], Frame<Dim>::rounding));
+}
+
 /// Forces of the unit mean stresses (fluxes) on the frame: Dim or 1 components by degree of freedom, a column each.
 template <int Dim> Matrix frame_forces(const FineSpace<Dim>& space, const Frame<Dim>& frame, int components,
                                        const std::vector<Mat<Dim>>& units) {
@@ -134,19 +155,10 @@ template <int Dim> Matrix frame_forces(const FineSpace<Dim>& space, const Frame<
   double filled = 0.0, all = 0.0;
   for (int d = 0; d < Dim; ++d) all += 2.0 * frame.volume() / frame.lengths[d];
   for (Index f = 0; f < mesh.num_facets(); ++f) {
-    const auto corners = mesh.facets().col(f);
-    int axis = -1;
-    bool upper = false;
-    for (int d = 0; d < Dim; ++d)
-      for (const bool end : {false, true}) {
-        bool on = true;
-        for (int i = 0; i < Dim; ++i) {
-          const double way = mesh.vertex(corners[i])[d] - frame.low[d] - (end ? frame.lengths[d] : 0.0);
-          on = on && std::abs(way) <= Frame<Dim>::rounding * frame.lengths[d];
-        }
-        if (on) axis = d, upper = end;
-      }
-    if (axis < 0) continue;
+    const int side = side_of(mesh, frame, f);
+    if (side < 0) continue;
+    const int axis = side / 2;
+    const bool upper = side % 2 == 1;
     const double area = mesh.facet_measure(f);
     filled += area;
     const auto dofs = space.cell(mesh.facet_cell(f));
@@ -203,6 +215,7 @@ template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& 
   require_elements(elements);
   const Discretization<Dim>& points = elements.quadrature;
   const Frame<Dim> frame(elements.space.mesh());
+  require_sides(elements.space.mesh(), frame);
   constexpr int strains = Dim * (Dim + 1) / 2;
   // Voigt order; in the plane stresses have a fourth component, across it, which does no work.
   const auto row_of = [](int i) { return Dim == 2 && i == 2 ? 3 : i; };
@@ -243,6 +256,7 @@ template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim
           "effective_conductivity: a conductivity for each region of the mesh expected");
   const Discretization<Dim>& points = elements.quadrature;
   const Frame<Dim> frame(elements.space.mesh());
+  require_sides(elements.space.mesh(), frame);
   Matrix mean = Matrix::Zero(Dim, Dim), forces = Matrix::Zero(elements.space.size(), Dim);
   std::vector<Eigen::Triplet<double, Index>> entries;
   for (Index q = 0; q < points.size(); ++q) {

@@ -24,14 +24,13 @@ struct UnitCellTensor {
 };
 
 /// Effective stiffness, from energies: <e_i : C e_j>. The frame is the box around the mesh, along the axes; what of it
-/// the mesh does not fill is void. Finite elements; sides of the frame need not have like meshes: degrees of freedom on
-/// the upper ones take the values that the functions have at the points opposite (by collocation, which converges with
-/// the mesh; where meshes are alike it is exact). One factor for all loads. Bodies that
-/// nothing connects are held by springs of 1e-10 of the diagonal.
+/// the mesh does not fill is void. Finite elements; one factor for all loads. On a periodic frame opposite sides have
+/// the same mesh: functions that are the same at points only would not pass the patch test. Bodies that nothing
+/// connects are held by springs of 1e-10 of the diagonal.
 ///
-/// Throws InputError for an approximation that is not of finite elements, a periodic frame on whose opposite side there
-/// is no material at some point, uniform tractions on a frame that the mesh does not fill, NumericalError if the matrix
-/// cannot be factored.
+/// Throws InputError for an approximation that is not of finite elements, sides of the frame that no facet is on, a
+/// periodic frame whose sides have other meshes, uniform tractions on a frame that the mesh does not fill;
+/// NumericalError if the matrix cannot be factored.
 template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& elements,
                                                       const Materials<Dim>& materials, FrameCondition frame);
 /// Likewise of a conductor, `conductivities` by region of the mesh; under `uniform` the mean flux is applied.

@@ -181,7 +181,9 @@ void tell_error(CellSolution& solution) {
     if (before > 0.0 && last > 0.0) rate = std::clamp(std::log2(before / last), 1.0, 2.0);
   }
   const double share = 1.0 / (std::pow(2.0, rate) - 1.0);
-  solution.extrapolated_energy += share * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
+  const double further = share * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
+  constexpr double most = 0.5;  // beyond that grids are not on their way to anything
+  if (std::abs(further) <= most * solution.extrapolated_energy) solution.extrapolated_energy += further;
   solution.grid_error = std::sqrt(share * std::abs(last) / energy);
 }
 

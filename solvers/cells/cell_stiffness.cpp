@@ -27,7 +27,7 @@ std::optional<Isotropic> isotropic(const MaterialResponse::Tangent& A) {
       same(i + 3 * j, i + 3 * j) += one.shear;
       same(i + 3 * j, j + 3 * i) += one.shear;
     }
-  if (!((A - same).norm() < 1e-9 * A.norm())) return {};
+  if (!((A - same).norm() <= 1e-9 * A.norm())) return {};
   return one;
 }
 

@@ -41,16 +41,19 @@ double nodes_of(const CellCounts& cells) {
 double cells_of(const CellCounts& cells) {
   return 1.0 * cells[0] * cells[1] * cells[2];
 }
+/// Of how much of an anisotropic material is in a cell's parts.
+constexpr double bytes_of_share = 36.0;
 /// Memory to a node for so many loads at once [bytes].
 double memory_of_node(int components, int loads, int at_once) {
   return 1.15 * (192.0 + 12.0 * components + 8.0 * components * loads + 40.0 * components * at_once);
 }
 
-/// Cells of the finest grid.
-CellCounts finest_cells(const LabelImage<3>& image, const EffectiveOptions& options, int components, int loads) {
+/// Cells of the finest grid, which takes `besides` of a node [bytes].
+CellCounts finest_cells(const LabelImage<3>& image, const EffectiveOptions& options, int components, int loads,
+                        double besides) {
   constexpr double few = 300000.0;  // cells, up to which voxels are halved
   const bool is_periodic = options.frame == FrameCondition::periodic;
-  const double per_node = memory_of_node(components, loads, 1);
+  const double per_node = memory_of_node(components, loads, 1) + besides;
   const auto refined = [&](int by) {
     CellCounts cells = image.size;
     for (Index& n : cells)
@@ -513,7 +516,8 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
   check_effective(image, options);
   const Stage stage("solve", monitor);
   LabelStiffness stiffness(image, materials);
-  const CellCounts finest = finest_cells(image, options, 3, 6);
+  const CellCounts finest =
+      finest_cells(image, options, 3, 6, bytes_of_share * static_cast<double>(stiffness.anisotropy().size()));
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<CellCounts> cells = frame_cells(finest, lengths, options.frame);
@@ -588,7 +592,7 @@ EffectiveTensor effective_conductivity(const LabelImage<3>& image, const std::ve
     exact.rounded.push_back({scaled[label], 0.0F});
     exact.exact.push_back({k, 0.0});
   }
-  const CellCounts finest = finest_cells(image, options, 1, 3);
+  const CellCounts finest = finest_cells(image, options, 1, 3, 0.0);
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const std::vector<CellCounts> cells = frame_cells(finest, lengths, options.frame);

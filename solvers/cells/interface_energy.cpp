@@ -223,7 +223,7 @@ class MixedCells {
   /// Towards the stiffer material, of length 1, in the image's axes; zero if there is no such direction.
   Vec<3> normal(const std::array<Index, 3>& at) const {
     if (anisotropic_) return normal_by_shares(at);
-    Vec<3> gradient;
+    Vec<3> gradient, bend;
     const double here = modulus(at);
     for (int d = 0; d < 3; ++d) {
       double ends[2];
@@ -234,7 +234,11 @@ class MixedCells {
         if (ends[s] == 0.0) ends[s] = here;
       }
       gradient[d] = (ends[1] - ends[0]) / solution_.grid.spacing[d];
+      bend[d] = std::abs(ends[1] + ends[0] - 2.0 * here) / solution_.grid.spacing[d];
     }
+    // A layer within one row of cells has like neighbours on both sides.
+    int across = 0;
+    if (bend.maxCoeff(&across) > 2.0 * gradient.norm()) return Vec<3>::Unit(across);
     const double size = gradient.norm() * solution_.grid.spacing.minCoeff();
     return size > 1e-6 * here ? Vec<3>(gradient.normalized()) : Vec<3>::Zero();
   }

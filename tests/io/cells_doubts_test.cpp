@@ -67,6 +67,30 @@ TEST(CellsDoubts, SlitsThatCellsCloseAreWarnedOf) {
   EXPECT_THAT(Bar(with_cells("0.5"), slit(1)).solve(), Not(HasSubstr("gaps")));
 }
 
+/// Two voxels wide and tilted: by turns a whole cell is in it and none.
+TEST(CellsDoubts, SlitsObliqueToTheAxesAreWarnedOf) {
+  const auto tilted = [](int i, int, int k) {
+    const double x = i + 0.5 - 20.0, z = k + 0.5 - 4.0;
+    return std::abs(x - 0.36 * z) < 1.06 && k < 7 ? 0 : 1;
+  };
+  EXPECT_THAT(Bar(with_cells("2"), tilted).solve(), HasSubstr("gaps narrower than two cells are closed"));
+}
+
+/// A voxel of soft material between stiff ones, within a row of cells of two: most of the compliance.
+TEST(CellsDoubts, SoftLayersWithinARowOfCellsAreInTheStatedError) {
+  const std::string two = replaced(with_cells("2"), "[material]\nE = 100\nnu = 0\n",
+                                   "[[material]]\nregion = \"1\"\nE = 100\nnu = 0\n[[material]]\nregion = \"2\"\nE = "
+                                   "1\nnu = 0\n");
+  const Bar work(two, [](int i, int, int) { return i == 20 ? 2 : 1; });
+  work.solve();
+  const auto result = json(work / "out/result.json");
+  const double exact = 32.0 * (39.0 / 100.0 + 1.0), energy = result["strain_energy"],
+               said = result["estimates"]["energy"]["total"];
+  const double off = std::sqrt(std::abs(energy / exact - 1.0));
+  EXPECT_GT(off, 0.3);
+  EXPECT_GT(said, 0.5 * off);
+}
+
 TEST(CellsDoubts, BodiesThatCellsJoinAreWarnedOf) {
   const auto parted = [](int i, int, int) { return i == 20 ? 0 : 1; };
   EXPECT_THAT(Bar(with_cells("2"), parted).solve(),

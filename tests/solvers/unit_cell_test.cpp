@@ -11,7 +11,6 @@
 #include <gtest/gtest.h>
 #include <Eigen/Eigenvalues>
 #include <cmath>
-#include <numbers>
 
 namespace efree {
 namespace {
@@ -33,54 +32,8 @@ template <int Dim> Matrix conductivity_of(const FineMesh<Dim>& mesh, const std::
   return effective_conductivity<Dim>(elements, conductivities, frame).tensor;
 }
 
-/// A unit square whose right and upper sides have vertices where the others have none, cut at x = 0.37 into two
-/// regions.
-FineMesh<2> layers(double size) {
-  PlanarDomain square{
-      .boundary = {{"all",
-                    {{0, 0}, {1, 0}, {1, 0.13}, {1, 0.31}, {1, 0.77}, {1, 1}, {0.71, 1}, {0.2, 1}, {0, 1}, {0, 0}}}},
-      .embedded = {{"", {{0.37, 0}, {0.37, 1}}}}};
-  MeshData<2> data = triangulate_data(square, {.size = size});
-  for (Index c = 0; c < data.cells.cols(); ++c) {
-    double x = 0.0;
-    for (int i = 0; i < 3; ++i) x += data.vertices(0, data.cells(i, c)) / 3.0;
-    data.regions.push_back(x < 0.37 ? 0 : 1);
-  }
-  data.region_names = {"one", "other"};
-  return FineMesh<2>(std::move(data));
-}
-
-/// Of layers across x in plane strain (Backus 1962). Functions of the two sides are the same at points only, which is
-/// an error of its own where sides have other meshes.
-TEST(UnitCell, OfLayersConvergesWhereSidesHaveOtherMeshes) {
-  const std::array<double, 2> f{0.37, 0.63}, E{10.0, 1.0}, nu{0.3, 0.2};
-  const auto mean = [&](const auto& of) {
-    double sum = 0.0;
-    for (int k = 0; k < 2; ++k) {
-      const double lambda = E[k] * nu[k] / ((1.0 + nu[k]) * (1.0 - 2.0 * nu[k])), mu = E[k] / (2.0 * (1.0 + nu[k]));
-      sum += f[k] * of(lambda, mu);
-    }
-    return sum;
-  };
-  const double across = 1.0 / mean([](double l, double m) { return 1.0 / (l + 2.0 * m); }),
-               share = mean([](double l, double m) { return l / (l + 2.0 * m); }),
-               shear = 1.0 / mean([](double, double m) { return 1.0 / m; }),
-               along = mean([](double l, double m) { return l + 2.0 * m - l * l / (l + 2.0 * m); }) +
-                       share * share * across;
-  Matrix exact = Matrix::Zero(3, 3);
-  exact << across, share * across, 0.0, share * across, along, 0.0, 0.0, 0.0, shear;
-  Matrix conducts = Matrix::Zero(2, 2);
-  conducts.diagonal() << 1.0 / (0.37 / 3.0 + 0.63 / 0.5), 0.37 * 3.0 + 0.63 * 0.5;
-  const std::vector<SharedMaterial> materials{LinearElastic(10.0, 0.3), LinearElastic(1.0, 0.2)};
-  for (const double size : {0.15, 0.03}) {
-    const double most = size == 0.15 ? 2e-3 : 5e-4;
-    EXPECT_LT(off(stiffness_of<2>(layers(size), materials), exact), most) << size;
-    EXPECT_LT(off(conductivity_of<2>(layers(size), {3.0, 0.5}), conducts), most) << size;
-  }
-}
-
-/// On a lattice opposite sides have the same mesh.
-TEST(UnitCell, OfLayersIsExactWhereSidesHaveTheSameMesh) {
+/// On a lattice opposite sides have the same mesh. Layers of Backus (1962).
+TEST(UnitCell, OfLayersIsExact) {
   for (int axis = 0; axis < 3; ++axis) {
     LabelImage<3> image;
     image.size = {4, 4, 4};
@@ -108,73 +61,6 @@ TEST(UnitCell, OfLayersIsExactWhereSidesHaveTheSameMesh) {
   }
 }
 
-/// A square with a round hole in the middle, or a quarter of it at each corner.
-FineMesh<2> with_hole(double radius, bool at_corners, double size) {
-  constexpr int chords = 48;
-  PlanarDomain domain;
-  if (!at_corners) {
-    domain = shapes::rectangle(0, 0, 1, 1);
-    Polyline hole{"hole", {}};
-    for (int k = 0; k <= chords; ++k) {
-      const double angle = 2.0 * std::numbers::pi * (k % chords) / chords;
-      hole.points.push_back(Vec<2>(0.5 + radius * std::cos(angle), 0.5 + radius * std::sin(angle)));
-    }
-    domain.boundary.push_back(hole);
-    return triangulate(domain, {.size = size});
-  }
-  Polyline outline{"all", {}};
-  const std::array<Vec<2>, 4> corners{Vec<2>(0, 0), Vec<2>(1, 0), Vec<2>(1, 1), Vec<2>(0, 1)};
-  for (int corner = 0; corner < 4; ++corner)
-    for (int k = 0; k <= chords / 4; ++k) {
-      // From the side before the corner to the one after it.
-      const double angle = std::numbers::pi * (0.5 + 0.5 * corner) - 2.0 * std::numbers::pi * k / chords;
-      Vec<2> x = corners[corner] + radius * Vec<2>(std::cos(angle), std::sin(angle));
-      for (int d = 0; d < 2; ++d)
-        for (const double side : {0.0, 1.0})
-          if (std::abs(x[d] - side) < 1e-12) x[d] = side;
-      outline.points.push_back(x);
-    }
-  outline.points.push_back(outline.points.front());
-  domain.boundary.push_back(outline);
-  return triangulate(domain, {.size = size});
-}
-
-TEST(UnitCell, DoesNotDependOnWhereItIsCutOut) {
-  const std::vector<SharedMaterial> material{LinearElastic(1.0, 0.3)};
-  for (const double size : {0.05, 0.02}) {
-    const double most = size == 0.05 ? 5e-3 : 1e-3;
-    EXPECT_LT(off(stiffness_of<2>(with_hole(0.3, true, size), material),
-                  stiffness_of<2>(with_hole(0.3, false, size), material)),
-              most);
-    EXPECT_LT(off(conductivity_of<2>(with_hole(0.3, true, size), {1.0}),
-                  conductivity_of<2>(with_hole(0.3, false, size), {1.0})),
-              most);
-  }
-  // Square arrays of holes: Rayleigh (1892) by Perrins, McKenzie & McPhedran (1979), insulators at f = 0.2827.
-  const double f = std::numbers::pi * 0.09,
-               series = 1.0 - 2.0 * f /
-                                  (1.0 + f - 0.305827 * std::pow(f, 4) / (1.0 - 1.402958 * std::pow(f, 8)) -
-                                   0.013362 * std::pow(f, 8));
-  EXPECT_NEAR(conductivity_of<2>(with_hole(0.3, false, 0.05), {1.0})(0, 0), series, 3e-3 * series)
-      << "a polygon of 48 corners has 0.3 % less area";
-}
-
-TEST(UnitCell, IsThatOfAnImageOfItInTheSamePlane) {
-  constexpr Index n = 128;
-  LabelImage<3> image;
-  image.size = {n, n, 1};
-  for (Index j = 0; j < n; ++j)
-    for (Index i = 0; i < n; ++i)
-      image.labels.push_back(std::hypot(i + 0.5 - 0.5 * n, j + 0.5 - 0.5 * n) < 0.3 * n ? 0 : 1);
-  const Matrix by_image =
-      effective_stiffness(image, {SharedMaterial{}, SharedMaterial(LinearElastic(1.0, 0.3))}).extrapolated;
-  const Matrix by_mesh = stiffness_of<2>(with_hole(0.3, false, 0.04), {LinearElastic(1.0, 0.3)});
-  const std::array<int, 3> plane{0, 1, 5};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      EXPECT_NEAR(by_mesh(i, j), by_image(plane[i], plane[j]), 5e-3 * by_mesh(0, 0)) << i << j;
-}
-
 TEST(UnitCell, OfAPoreInSpaceIsThatOfItsImageAndBoundsAreInOrder) {
   constexpr Index n = 16;
   LabelImage<3> image;
@@ -200,14 +86,30 @@ TEST(UnitCell, OfAPoreInSpaceIsThatOfItsImageAndBoundsAreInOrder) {
   EXPECT_GT(off(kinematic, uniform), 1e-3);
 }
 
-TEST(UnitCell, RefusesWhatDoesNotRepeatItself) {
-  PlanarDomain notched{.boundary = {{"all", {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0.7}, {0.3, 0.5}, {0, 0.3}, {0, 0}}}}};
-  const FineMesh<2> mesh = triangulate(notched, {.size = 0.1});
-  EXPECT_THAT([&] { stiffness_of<2>(mesh, {LinearElastic(1.0, 0.3)}); },
-              ThrowsMessage<InputError>(HasSubstr("the geometry does not repeat itself: there is material at (1, ")));
-  EXPECT_THAT([&] { stiffness_of<2>(mesh, {LinearElastic(1.0, 0.3)}, FrameCondition::uniform); },
+TEST(UnitCell, RefusesSidesWithOtherMeshesAndSidesThatNothingLiesOn) {
+  const std::vector<SharedMaterial> material{LinearElastic(1.0, 0.3)};
+  const FineMesh<2> mesh = triangulate(
+      {.boundary = {{"all", {{0, 0}, {1, 0}, {1, 0.13}, {1, 0.31}, {1, 1}, {0, 1}, {0, 0}}}}}, {.size = 0.15});
+  EXPECT_THAT([&] { stiffness_of<2>(mesh, material); },
+              ThrowsMessage<InputError>(HasSubstr("opposite sides of the unit cell do not have the same mesh: (1, ")));
+  // One material: its own tensor under all conditions that need no sides alike.
+  for (const FrameCondition frame : {FrameCondition::kinematic, FrameCondition::uniform}) {
+    const Matrix C = stiffness_of<2>(mesh, material, frame);
+    EXPECT_NEAR(C(0, 0), 0.7 / (1.3 * 0.4), 1e-7);
+    EXPECT_NEAR(C(0, 1), 0.3 / (1.3 * 0.4), 1e-7);
+    EXPECT_NEAR(C(2, 2), 1.0 / 2.6, 1e-7);
+    EXPECT_NEAR(conductivity_of<2>(mesh, {2.5}, frame)(1, 1), 2.5, 2e-7);
+  }
+  const FineMesh<2> notched = triangulate(
+      {.boundary = {{"all", {{0, 0}, {1, 0}, {1, 1}, {0, 1}, {0, 0.7}, {0.3, 0.5}, {0, 0.3}, {0, 0}}}}}, {.size = 0.1});
+  EXPECT_THAT([&] { stiffness_of<2>(notched, material, FrameCondition::uniform); },
               ThrowsMessage<InputError>(HasSubstr("void reaches the frame")));
-  EXPECT_GT(stiffness_of<2>(mesh, {LinearElastic(1.0, 0.3)}, FrameCondition::kinematic)(0, 0), 0.5);
+  const FineMesh<2> leaning =
+      triangulate({.boundary = {{"all", {{0, 0}, {1, 0.01}, {1, 1}, {0, 1}, {0, 0}}}}}, {.size = 0.2});
+  for (const FrameCondition frame : {FrameCondition::periodic, FrameCondition::kinematic, FrameCondition::uniform})
+    EXPECT_THAT(
+        [&] { stiffness_of<2>(leaning, material, frame); },
+        ThrowsMessage<InputError>(HasSubstr("no facet of the unit cell lies on the lower end of its frame along y")));
 }
 
 }  // namespace
