@@ -55,17 +55,17 @@ template <int Dim, class T> std::vector<float> distances_from_threshold(const T*
     out[p] = static_cast<float>(labels[p] != 0 ? kept : -kept);
     farthest = std::max(farthest, std::abs(out[p]));
   }
-  for (float& distance : out)  // what is no number is void as void can be
+  for (float& distance : out)  // of values that are not numbers: as far on the side of void as any other
     if (distance == 0.0F) distance = -std::max(farthest, static_cast<float>(least));
   return out;
 }
 
-/// What is doubtful about values that are no numbers; empty if there are none.
-template <class T> std::string doubt_of_no_numbers(const T* values, int stride, std::size_t count) {
+/// The warning that some values are not numbers; empty if all are.
+template <class T> std::string warning_of_nan(const T* values, int stride, std::size_t count) {
   std::size_t none = 0;
   if constexpr (std::is_floating_point_v<T>)
     for (std::size_t p = 0; p < count; ++p) none += std::isnan(values[p * stride]);
-  return none == 0 ? "" : fmt::format("{} voxels of the image are not numbers, and are taken for void", none);
+  return none == 0 ? "" : fmt::format("{} voxels of the image are not numbers, and are taken as void", none);
 }
 
 /// The file's values, with the dimensions asked for.
@@ -92,7 +92,7 @@ template <int Dim> ImageFile<Dim> read_image_file(const std::string& path, const
     const auto* values = static_cast<const decltype(value)*>(v.data());
     if (options.threshold)
       if (std::string doubt =
-              doubt_of_no_numbers(values, v.components, v.size[0] * static_cast<std::size_t>(v.size[1]) * v.size[2]);
+              warning_of_nan(values, v.components, v.size[0] * static_cast<std::size_t>(v.size[1]) * v.size[2]);
           !doubt.empty())
         v.doubts.push_back(std::move(doubt));
     image.labels = classify<Dim, decltype(value)>(path, v, options);

@@ -136,10 +136,11 @@ std::array<Index, 3> octants_of(const std::array<Index, 3>& cells) {
   return {2 * cells[0], 2 * cells[1], 2 * cells[2]};
 }
 
-/// Shares the material in octants of these cells out between the regions: each by itself has what is on its side of the
-/// plane that it is bounded by, and where three or more meet these are not all there is, or more.
-template <class RegionAt> void share_out(const BoxAverages& solid, const BoxRange& cells, const RegionAt& region_at,
-                                         std::vector<std::optional<RegionShare>>& shares) {
+/// Scales the shares of all regions so that they add up to the material in each octant of these cells: each by itself
+/// is bounded by a plane of its own, and where three or more meet these leave gaps or overlap.
+template <class RegionAt> void normalise_shares(const BoxAverages& solid, const BoxRange& cells,
+                                                const RegionAt& region_at,
+                                                std::vector<std::optional<RegionShare>>& shares) {
   BoxRange octants;
   for (std::size_t d = 0; d < 3; ++d) {
     octants.begin[d] = 2 * cells.begin[d];
@@ -338,7 +339,7 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
     for (std::size_t r = 0; r < regions.size(); ++r)
       if (const BoxRange some = within(regions[r].cells()); some.begin[2] < some.end[2])
         shares[r].emplace(parts[r], with_neighbours(some, regions[r].cells()));
-    if (solid) share_out(*solid, with_neighbours(within({{0, 0, 0}, n}), {{0, 0, 0}, n}), region_at, shares);
+    if (solid) normalise_shares(*solid, with_neighbours(within({{0, 0, 0}, n}), {{0, 0, 0}, n}), region_at, shares);
     for (std::size_t r = 0; r < regions.size(); ++r)
       if (shares[r]) regions[r].add(within(regions[r].cells()), *shares[r]);
   }

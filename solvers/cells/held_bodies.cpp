@@ -111,25 +111,26 @@ class CellBodies {
 };
 
 /// What holds and loads a body as a whole, about the middle of the grid.
-struct Grip {
+struct BodyConditions {
   Eigen::Matrix<double, 6, 6> held = Eigen::Matrix<double, 6, 6>::Zero();
   std::vector<Motion<3>> load;  ///< by case
   std::vector<double> forces;   ///< likewise, the sum of their components' absolute values
 
-  explicit Grip(std::size_t cases) : load(cases, Motion<3>::Zero()), forces(cases, 0.0) {}
-  void add(const Grip& other) {
+  explicit BodyConditions(std::size_t cases) : load(cases, Motion<3>::Zero()), forces(cases, 0.0) {}
+  void add(const BodyConditions& other) {
     held += other.held;
     for (std::size_t k = 0; k < load.size(); ++k) load[k] += other.load[k];
     for (std::size_t k = 0; k < load.size(); ++k) forces[k] += other.forces[k];
   }
 };
-using Grips = std::map<Index, Grip>;
+using ConditionsByBody = std::map<Index, BodyConditions>;
 
 /// By body, of those that something holds or loads.
-Grips grips(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& middle, double length) {
+ConditionsByBody conditions_by_body(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& middle,
+                                    double length) {
   const CellGrid& grid = problem.grid;
   const std::size_t cases = problem.loads.size();
-  std::vector<Grips> of_layer(grid.cells[2] + 1);
+  std::vector<ConditionsByBody> of_layer(grid.cells[2] + 1);
   parallel_chunks(grid.cells[2] + 1, 1, [&](Index k, Index) {
     const auto add_point = [&](Index i, Index j, std::size_t node, Index body) {
       const Mat<3> spring = problem.springs.stiffness_at(node);
@@ -142,7 +143,7 @@ Grips grips(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& 
       }
       const ObliqueNode* oblique = problem.find_oblique(node);
       if (!holds_or_loads && oblique == nullptr) return;
-      Grip& grip = of_layer[k].try_emplace(body, cases).first->second;
+      BodyConditions& of_body = of_layer[k].try_emplace(body, cases).first->second;
       const Vec<3> arm = problem.axes * (problem.local({i, j, k}) - middle);
       const auto motion_in = [&](const Vec<3>& direction) {
         return motion_along<3>(problem.axes * direction, arm, length);
@@ -150,7 +151,7 @@ Grips grips(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& 
       if (has_spring) {
         Eigen::Matrix<double, 6, 3> motions;
         for (int c = 0; c < 3; ++c) motions.col(c) = motion_in(Vec<3>::Unit(c));
-        grip.held += motions * spring / spring.trace() * motions.transpose();
+        of_body.held += motions * spring / spring.trace() * motions.transpose();
       }
       for (int c = 0; c < 3; ++c) {
         const std::size_t dof = c * grid.nodes() + node;
@@ -158,29 +159,29 @@ Grips grips(const CellProblem& problem, const CellBodies& bodies, const Vec<3>& 
         if (oblique != nullptr) free = oblique->free * free;
         if (problem.inverse_diagonal[dof] == 0.0F) free.setZero();
         const Motion<3> held = motion_in(Vec<3>::Unit(c) - free);
-        grip.held += held * held.transpose();
+        of_body.held += held * held.transpose();
         for (std::size_t of = 0; of < cases; ++of) {
           if (problem.loads[of].empty()) continue;
-          grip.load[of] += problem.loads[of][dof] * motion_in(free);
-          grip.forces[of] += std::abs(problem.loads[of][dof]);
+          of_body.load[of] += problem.loads[of][dof] * motion_in(free);
+          of_body.forces[of] += std::abs(problem.loads[of][dof]);
         }
       }
     };
     for (Index j = 0; j <= grid.cells[1]; ++j)
       bodies.for_points(j, k, [&](Index i, Index body) { add_point(i, j, grid.node(i, j, k), body); });
   });
-  Grips all;
-  for (const Grips& layer : of_layer)
-    for (const auto& [body, grip] : layer) all.try_emplace(body, cases).first->second.add(grip);
+  ConditionsByBody all;
+  for (const ConditionsByBody& layer : of_layer)
+    for (const auto& [body, of_body] : layer) all.try_emplace(body, cases).first->second.add(of_body);
   return all;
 }
 
 /// Throws InputError for a body that is loaded but may move, and the `largest`, if it is one, that may move.
-void require_held(const CellProblem& problem, const CellBodies& bodies, const Grips& all, Index largest,
+void require_held(const CellProblem& problem, const CellBodies& bodies, const ConditionsByBody& all, Index largest,
                   const Vec<3>& middle, double length) {
-  for (const auto& [body, grip] : all) {
-    const auto [stiffness, motions] = spectrum<6>(grip.held);
-    const auto free = static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, grip.held.trace())).count());
+  for (const auto& [body, of_body] : all) {
+    const auto [stiffness, motions] = spectrum<6>(of_body.held);
+    const auto free = static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, of_body.held.trace())).count());
     const auto names = [&] {
       return fmt::format(
           "{}",
@@ -191,21 +192,21 @@ void require_held(const CellProblem& problem, const CellBodies& bodies, const Gr
           fmt::format("underconstrained: the body at {} is free to move ({}); prescribe displacements that hold it",
                       text_of(problem.place(bodies.cell_of(body))), names()));
     for (int m = 0; m < free; ++m)
-      for (std::size_t k = 0; k < grip.load.size(); ++k)
-        if (std::abs(motions.col(m).dot(grip.load[k])) > 1e-6 * grip.forces[k])
+      for (std::size_t k = 0; k < of_body.load.size(); ++k)
+        if (std::abs(motions.col(m).dot(of_body.load[k])) > 1e-6 * of_body.forces[k])
           throw InputError(
               fmt::format("the body at {} is loaded, but free to move ({}): prescribe displacements that hold it",
                           text_of(problem.place(bodies.cell_of(body))), names()));
   }
 }
-
-/// Takes the bodies without a grip out of the unknowns.
-void leave_out(CellProblem& problem, const CellBodies& bodies, const Grips& gripped,
+/// Takes the bodies without conditions out of the unknowns.
+/// Takes the bodies without a of_body out of the unknowns.
+void leave_out(CellProblem& problem, const CellBodies& bodies, const ConditionsByBody& conditions,
                const std::vector<std::int64_t>& sizes, BodiesOnGrid& found) {
   std::int64_t all = 0, out = 0, most = 0;
   for (std::size_t body = 0; body < sizes.size(); ++body) {
     all += sizes[body];
-    if (sizes[body] == 0 || gripped.contains(static_cast<Index>(body))) continue;
+    if (sizes[body] == 0 || conditions.contains(static_cast<Index>(body))) continue;
     ++found.left_out;
     out += sizes[body];
     if (sizes[body] > most) {
@@ -219,7 +220,7 @@ void leave_out(CellProblem& problem, const CellBodies& bodies, const Grips& grip
   parallel_chunks(grid.cells[2] + 1, 1, [&](Index k, Index) {
     for (Index j = 0; j <= grid.cells[1]; ++j)
       bodies.for_points(j, k, [&](Index i, Index body) {
-        if (gripped.contains(body)) return;
+        if (conditions.contains(body)) return;
         for (int c = 0; c < 3; ++c) problem.inverse_diagonal[c * grid.nodes() + grid.node(i, j, k)] = 0.0F;
       });
   });
@@ -259,7 +260,7 @@ BodiesOnGrid examine_bodies(CellProblem& problem, const LabelImage<3>& image, bo
   const auto& n = problem.grid.cells;
   const Vec<3> middle = problem.local({n[0] / 2, n[1] / 2, n[2] / 2});
   const double length = problem.local(n).norm();
-  Grips all = grips(problem, bodies, middle, length);
+  ConditionsByBody all = conditions_by_body(problem, bodies, middle, length);
   const auto largest = static_cast<Index>(std::ranges::max_element(sizes) - sizes.begin());
   if (finest) {
     if (largest_is_held) all.try_emplace(largest, problem.loads.size());

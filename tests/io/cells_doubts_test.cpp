@@ -180,7 +180,7 @@ TEST(CellsDoubts, WhatIsNoNumberIsVoidAndSaidSo) {
     image.write(reinterpret_cast<const char*>(&value), sizeof value);
   }
   image.close();
-  EXPECT_THAT(work.solve(), HasSubstr("256 voxels of the image are not numbers, and are taken for void"));
+  EXPECT_THAT(work.solve(), HasSubstr("256 voxels of the image are not numbers, and are taken as void"));
   EXPECT_NEAR(json(work / "out/result.json")["by_region"]["1"]["volume"], 36.0 * 64.0, 1.0);
 }
 
