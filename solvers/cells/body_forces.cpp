@@ -10,7 +10,7 @@
 namespace efree::internal {
 namespace {
 
-constexpr Index slab = 32;  ///< layers of cells whose shares are held at once
+constexpr Index layers_at_once = 32;  ///< layers of cells whose shares are held at once
 
 /// Adds a layer of cells. Returns what its forces are together.
 template <class Force> Resultant<3> add_layer(const CellProblem& problem, const float* share, Index k,
@@ -55,8 +55,8 @@ std::vector<float> OctantShare::layers(Index begin, Index end) const {
 
 void OctantShare::coarsen(const std::array<int, 3>& ratio) {
   std::vector<float> coarse;
-  for (Index first = 0; first < cells_[2]; first += slab) {
-    const Index last = std::min(first + slab, cells_[2]);
+  for (Index first = 0; first < cells_[2]; first += layers_at_once) {
+    const Index last = std::min(first + layers_at_once, cells_[2]);
     const std::vector<float> some = halved(layers(first, last), {cells_[0], cells_[1], last - first}, ratio);
     coarse.insert(coarse.end(), some.begin(), some.end());
   }
@@ -127,8 +127,8 @@ std::vector<AppliedLoad<3>> BodyForces::add(const CellProblem& problem, std::siz
   for (const Load& load : loads_[load_case]) {
     Resultant<3> sum;
     for (const Term& term : load.terms)
-      for (Index first = 0; first < layers; first += slab) {
-        const Index last = std::min(first + slab, layers);
+      for (Index first = 0; first < layers; first += layers_at_once) {
+        const Index last = std::min(first + layers_at_once, layers);
         const std::vector<float> share = shares_[term.share].layers(first, last);
         std::vector<Resultant<3>> sums(last - first);
         for (const Index colour : {0, 1})  // layers of cells share points with those beside them
