@@ -77,7 +77,7 @@ Phases phases_of(const EffectiveSettings& settings, const MadeImage<3>& image) {
   return phases;
 }
 
-/// Of a region of a mesh. Throws InputError where none is said.
+/// The conductivity of a region of a mesh. Throws InputError for a region that has none.
 double conductivity_of(const EffectiveSettings& settings, const std::string& region) {
   for (const RegionConductivity& one : settings.conductivities)
     if (one.region.empty() || one.region == region) return one.value;

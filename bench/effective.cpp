@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Effective tensors against closed forms and series, by resolution, and what six loads cost: bench_effective [cost N].
-#include "efree/solvers/cells/effective.hpp"
+#include "efree/tests/solvers/labelled_image.hpp"
+
 #include "efree/core/internal/clock.hpp"
 #include "efree/materials/linear_elastic.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"
+#include "efree/solvers/cells/effective.hpp"
 
 #include <fmt/format.h>
 #include <cmath>
@@ -15,14 +17,8 @@ using namespace efree;
 
 namespace {
 
-LabelImage<3> image_of(const std::array<Index, 3>& size, const std::function<Label(const Vec<3>&)>& label) {
-  LabelImage<3> image;
-  image.size = size;
-  for (Index k = 0; k < size[2]; ++k)
-    for (Index j = 0; j < size[1]; ++j)
-      for (Index i = 0; i < size[0]; ++i) image.labels.push_back(label(Vec<3>(i + 0.5, j + 0.5, k + 0.5)));
-  return image;
-}
+using test::image_of;
+
 LabelImage<3> pore_of(Index n) {
   const double radius = n * std::cbrt(0.75 * 0.2 / std::numbers::pi);
   return image_of({n, n, n},

@@ -3,6 +3,7 @@
 
 #include "efree/core/error.hpp"
 #include "efree/solvers/cells/internal/cell_loads.hpp"
+#include "efree/solvers/cells/internal/cell_stiffness.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -101,11 +102,9 @@ BodyForces::Load BodyForces::mass_force(const LabelImage<3>& image, const MassFo
       constant[count.label] = of_label.at(Vec<3>::Zero());
       continue;
     }
-    std::vector<float> alone(count.label + 1, 0.0F);
-    alone[count.label] = 1.0F;
-    result.terms.push_back({share_of(image, alone, cells), [&load, &of_label](const Vec<3>& x) -> Vec<3> {
-                              return of_label.at(x) * load.per_mass(x);
-                            }});
+    result.terms.push_back(
+        {share_of(image, ones_of({count.label}), cells),
+         [&load, &of_label](const Vec<3>& x) -> Vec<3> { return of_label.at(x) * load.per_mass(x); }});
   }
   const double most = constant.empty() ? 0.0 : *std::ranges::max_element(constant);
   if (most == 0.0) return result;

@@ -17,7 +17,7 @@ namespace efree {
 namespace {
 
 using internal::GridPoints, internal::NodalStrains, internal::Place, internal::RegionShare, internal::displacement_in,
-    internal::place_of;
+    internal::octants_of, internal::place_of;
 
 /// Averages of a region's part in the octants of the solution's cells.
 BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& image,
@@ -26,7 +26,7 @@ BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& im
   std::vector<float> inside(region_of_label.size());
   for (std::size_t label = 0; label < inside.size(); ++label) inside[label] = region_of_label[label] == region;
   const auto& n = solution.grid.cubes;
-  return {image, counts, inside, {2 * n[0], 2 * n[1], 2 * n[2]}};
+  return {image, counts, inside, octants_of(n)};
 }
 
 }  // namespace
@@ -131,21 +131,12 @@ BoxRange with_neighbours(const BoxRange& cells, const BoxRange& of_region) {
   return around;
 }
 
-/// Along each axis.
-std::array<Index, 3> octants_of(const std::array<Index, 3>& cells) {
-  return {2 * cells[0], 2 * cells[1], 2 * cells[2]};
-}
-
 /// Scales the shares of all regions so that they add up to the material in each octant of these cells: each by itself
 /// is bounded by a plane of its own, and where three or more meet these leave gaps or overlap.
 template <class RegionAt> void normalise_shares(const BoxAverages& solid, const BoxRange& cells,
                                                 const RegionAt& region_at,
                                                 std::vector<std::optional<RegionShare>>& shares) {
-  BoxRange octants;
-  for (std::size_t d = 0; d < 3; ++d) {
-    octants.begin[d] = 2 * cells.begin[d];
-    octants.end[d] = 2 * cells.end[d];
-  }
+  const BoxRange octants = octants_of(cells);
   std::vector<float> all = solid.in(octants), sum(octants.size(), 0.0F);
   const auto for_octants = [&](RegionShare& share, const auto& f) {
     const BoxRange& of = share.octants();

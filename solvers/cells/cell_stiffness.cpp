@@ -64,13 +64,6 @@ Vec<3> first_place(const LabelImage<3>& image, Label label) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
-/// Values by label: 1 of these, 0 of others.
-std::vector<float> ones_of(const std::vector<Label>& labels) {
-  std::vector<float> values(*std::ranges::max_element(labels) + 1, 0.0F);
-  for (const Label label : labels) values[label] = 1.0F;
-  return values;
-}
-
 /// Averages over the layers [begin, end) of boxes, where only those of `range` may have some; empty: none of them has.
 std::vector<float> averages_in_layers(const BoxAverages& averages, BoxRange range, const std::array<Index, 3>& boxes,
                                       Index begin, Index end) {
@@ -155,6 +148,12 @@ void share_out(const std::vector<float>& all, std::vector<std::vector<float>>& s
 }
 
 }  // namespace
+
+std::vector<float> ones_of(const std::vector<Label>& labels) {
+  std::vector<float> values(*std::ranges::max_element(labels) + 1, 0.0F);
+  for (const Label label : labels) values[label] = 1.0F;
+  return values;
+}
 
 void add_isotropic_parts(const std::vector<AnisotropicLabels>& materials, Parts& parts) {
   constexpr float rounding = 1e-5F;

@@ -545,11 +545,8 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
       const CellCounts boxes{2 * n[0], 2 * n[1], 2 * n[2]};
       parts.shear = voxel_averages(image, stiffness.shear, boxes);
       parts.across = voxel_averages(image, stiffness.across, boxes);
-      for (std::size_t m = 0; m < parts.shares.size(); ++m) {
-        std::vector<float> one(stiffness.solid.size(), 0.0F);
-        for (const Label label : stiffness.anisotropic[m].labels) one[label] = 1.0F;
-        parts.shares[m] = voxel_averages(image, one, boxes);
-      }
+      for (std::size_t m = 0; m < parts.shares.size(); ++m)
+        parts.shares[m] = voxel_averages(image, internal::ones_of(stiffness.anisotropic[m].labels), boxes);
       internal::add_isotropic_parts(stiffness.anisotropic, parts);
     } else {
       average_parts(

@@ -91,10 +91,8 @@ class MixedCells {
     for (std::size_t label = 0; label < phase_of_label.size(); ++label) {
       const Index p = phase_of_label[label];
       if (p < 0) continue;
-      std::vector<float> one(label + 1, 0.0F);
-      one[label] = 1.0F;
       phases_[p].cells = cells[p];
-      phases_[p].part = BoxAverages(image, counts, one, n_).in(cells[p]);
+      phases_[p].part = BoxAverages(image, counts, ones_of({static_cast<Label>(label)}), n_).in(cells[p]);
       if (varies(phases_[p])) find_moduli(phases_[p]);
     }
     for (const Phase& phase : phases_)

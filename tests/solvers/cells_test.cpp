@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Images on grids of cells against closed forms and finite elements.
+#include "efree/tests/solvers/labelled_image.hpp"
+
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/geometry/input/box_averages.hpp"
@@ -18,26 +20,12 @@ using namespace efree;
 
 namespace {
 
-LabelImage<3> image_of(const std::array<Index, 3>& size, const std::function<Label(const Vec<3>&)>& label) {
-  LabelImage<3> image;
-  image.size = size;
-  for (Index k = 0; k < size[2]; ++k)
-    for (Index j = 0; j < size[1]; ++j)
-      for (Index i = 0; i < size[0]; ++i) image.labels.push_back(label(Vec<3>(i + 0.5, j + 0.5, k + 0.5)));
-  return image;
-}
+using test::image_of, test::stretched_along_z;
 
 DisplacementCondition<3> moved(const std::string& on, const std::function<Vec<3>(const Vec<3>&)>& u) {
   DisplacementCondition<3> condition{on, {}, {}};
   for (int c = 0; c < 3; ++c) condition.components[c] = [u, c](const Vec<3>& x) { return u(x)[c]; };
   return condition;
-}
-
-std::vector<DisplacementCondition<3>> stretched_along_z(double by) {
-  return {symmetry_plane<3>("left"),
-          symmetry_plane<3>("front"),
-          symmetry_plane<3>("bottom"),
-          {"top", {}, [=](const Vec<3>&) { return by; }}};
 }
 
 const std::vector<std::string> all_sides{"left", "right", "front", "back", "bottom", "top"};

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Effective tensors of images against closed forms, bounds and series.
-#include "efree/solvers/cells/effective.hpp"
+#include "efree/tests/solvers/labelled_image.hpp"
+
 #include "efree/core/error.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/materials/linear_elastic.hpp"
+#include "efree/solvers/cells/effective.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,15 +22,8 @@ namespace efree {
 namespace {
 
 using CellCounts = std::array<Index, 3>;
+using test::image_of;
 
-LabelImage<3> image_of(const CellCounts& size, const std::function<Label(const Vec<3>&)>& label) {
-  LabelImage<3> image;
-  image.size = size;
-  for (Index k = 0; k < size[2]; ++k)
-    for (Index j = 0; j < size[1]; ++j)
-      for (Index i = 0; i < size[0]; ++i) image.labels.push_back(label(Vec<3>(i + 0.5, j + 0.5, k + 0.5)));
-  return image;
-}
 /// A cube with a ball in its middle that fills so much of it.
 LabelImage<3> ball_of(Index n, double fraction, Label inside, Label outside) {
   const double radius = n * std::cbrt(0.75 * fraction / std::numbers::pi);

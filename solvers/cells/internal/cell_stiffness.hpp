@@ -14,6 +14,9 @@
 
 namespace efree::internal {
 
+/// Values by label, as averages over boxes take them: 1 of these, 0 of others.
+std::vector<float> ones_of(const std::vector<Label>& labels);
+
 /// A homogeneous anisotropic material and the labels that have it.
 struct AnisotropicLabels {
   std::vector<Label> labels;

@@ -35,16 +35,20 @@ Place place_of(const Lattice& grid, const Mat<3>& axes, const Vec<3>& x);
 /// Interpolates a displacement at the points of a grid.
 Vec<3> displacement_in(const GridPoints& points, const Points<3>& displacement, const Place& place);
 
+/// The octants of cells.
+inline std::array<Index, 3> octants_of(const std::array<Index, 3>& cells) {
+  return {2 * cells[0], 2 * cells[1], 2 * cells[2]};
+}
+inline BoxRange octants_of(const BoxRange& cells) {
+  return {octants_of(cells.begin), octants_of(cells.end)};
+}
+
 /// How much of a region is in the octants of some cells.
 class RegionShare {
  public:
   /// `averages`: of 1 for the region's labels and 0 for others, over octants.
-  RegionShare(const BoxAverages& averages, const BoxRange& cells) : cells_(cells) {
-    for (int d = 0; d < 3; ++d) {
-      octants_.begin[d] = 2 * cells.begin[d];
-      octants_.end[d] = 2 * cells.end[d];
-    }
-    part_ = averages.in(octants_);
+  RegionShare(const BoxAverages& averages, const BoxRange& cells)
+      : cells_(cells), octants_(octants_of(cells)), part_(averages.in(octants_)) {
     constexpr float rounding = 1e-5F;
     for (float& part : part_)
       if (part > 1.0F - rounding) part = 1.0F;
