@@ -100,44 +100,29 @@ Parts CellGrid::layers(Index begin, Index end) const {
   return result;
 }
 
-void CellGrid::apply(const float* u, float* f, Dilatation dilatation) const {
-  apply(&u, &f, 1, dilatation);
-}
-void CellGrid::apply(const double* u, double* f, Dilatation dilatation) const {
-  apply(&u, &f, 1, dilatation);
-}
-void CellGrid::apply_isotropic(const float* u, float* f, Dilatation dilatation) const {
-  apply_isotropic(&u, &f, 1, dilatation);
-}
-void CellGrid::apply_isotropic(const double* u, double* f, Dilatation dilatation) const {
-  apply_isotropic(&u, &f, 1, dilatation);
-}
-
 namespace {
 
-template <class T, class V> void multiply_elastic(const CellGrid& grid, const T* const* u, T* const* f, int count,
-                                                  Dilatation dilatation, AddAnisotropy<T> anisotropic) {
+template <class T, class V>
+void multiply_elastic(const CellGrid& grid, const T* u, T* f, Dilatation dilatation, AddAnisotropy<T> anisotropic) {
   if (dilatation == Dilatation::mean)
-    product<Elastic<Dilatation::mean>, T, V>(grid, 3, u, f, count, anisotropic);
+    product<Elastic<Dilatation::mean>, T, V>(grid, 3, u, f, anisotropic);
   else
-    product<Elastic<Dilatation::local>, T, V>(grid, 3, u, f, count, anisotropic);
+    product<Elastic<Dilatation::local>, T, V>(grid, 3, u, f, anisotropic);
 }
 
 }  // namespace
 
-void CellGrid::apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
-  multiply_elastic<float, Floats>(*this, u, f, count, dilatation,
-                                  anisotropy.empty() ? nullptr : add_anisotropy<float>());
+void CellGrid::apply(const float* u, float* f, Dilatation dilatation) const {
+  multiply_elastic<float, Floats>(*this, u, f, dilatation, anisotropy.empty() ? nullptr : add_anisotropy<float>());
 }
-void CellGrid::apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const {
-  multiply_elastic<double, Doubles>(*this, u, f, count, dilatation,
-                                    anisotropy.empty() ? nullptr : add_anisotropy<double>());
+void CellGrid::apply(const double* u, double* f, Dilatation dilatation) const {
+  multiply_elastic<double, Doubles>(*this, u, f, dilatation, anisotropy.empty() ? nullptr : add_anisotropy<double>());
 }
-void CellGrid::apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const {
-  multiply_elastic<float, Floats>(*this, u, f, count, dilatation, nullptr);
+void CellGrid::apply_isotropic(const float* u, float* f, Dilatation dilatation) const {
+  multiply_elastic<float, Floats>(*this, u, f, dilatation, nullptr);
 }
-void CellGrid::apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const {
-  multiply_elastic<double, Doubles>(*this, u, f, count, dilatation, nullptr);
+void CellGrid::apply_isotropic(const double* u, double* f, Dilatation dilatation) const {
+  multiply_elastic<double, Doubles>(*this, u, f, dilatation, nullptr);
 }
 
 namespace {

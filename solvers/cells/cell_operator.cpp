@@ -38,17 +38,13 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
   const CellLayout& layout() const override { return grid_; }
   int components() const override { return Components; }
   Dilatation dilatation() const override { return dilatation_; }
-  void apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const override {
-    multiply(grid_, u, f, count, dilatation);
+  void apply(const float* u, float* f, Dilatation dilatation) const override { multiply(grid_, u, f, dilatation); }
+  void apply(const double* u, double* f, Dilatation dilatation) const override { multiply(grid_, u, f, dilatation); }
+  void apply_isotropic(const float* u, float* f, Dilatation dilatation) const override {
+    multiply_isotropic(grid_, u, f, dilatation);
   }
-  void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const override {
-    multiply(grid_, u, f, count, dilatation);
-  }
-  void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const override {
-    multiply_isotropic(grid_, u, f, count, dilatation);
-  }
-  void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const override {
-    multiply_isotropic(grid_, u, f, count, dilatation);
+  void apply_isotropic(const double* u, double* f, Dilatation dilatation) const override {
+    multiply_isotropic(grid_, u, f, dilatation);
   }
 
   Vector apply_strain(const Vector& strain, Field& f) override {
@@ -91,29 +87,23 @@ template <class Grid, int Components> class GridOperator : public CellOperator {
  private:
   static Dilatation needed(const CellGrid& grid) { return grid.needed(); }
   static Dilatation needed(const ConductionGrid&) { return Dilatation::local; }
-  template <class T>
-  static void multiply(const CellGrid& grid, const T* const* u, T* const* f, int count, Dilatation dilatation) {
-    grid.apply(u, f, count, dilatation);
+  template <class T> static void multiply(const CellGrid& grid, const T* u, T* f, Dilatation dilatation) {
+    grid.apply(u, f, dilatation);
   }
-  template <class T>
-  static void multiply(const ConductionGrid& grid, const T* const* u, T* const* f, int count, Dilatation) {
-    grid.apply(u, f, count);
+  template <class T> static void multiply(const ConductionGrid& grid, const T* u, T* f, Dilatation) {
+    grid.apply(u, f);
   }
-  template <class T> static void multiply_isotropic(const CellGrid& grid, const T* const* u, T* const* f, int count,
-                                                    Dilatation dilatation) {
-    grid.apply_isotropic(u, f, count, dilatation);
+  template <class T> static void multiply_isotropic(const CellGrid& grid, const T* u, T* f, Dilatation dilatation) {
+    grid.apply_isotropic(u, f, dilatation);
   }
-  template <class T>
-  static void multiply_isotropic(const ConductionGrid& grid, const T* const* u, T* const* f, int count, Dilatation) {
-    grid.apply(u, f, count);
+  template <class T> static void multiply_isotropic(const ConductionGrid& grid, const T* u, T* f, Dilatation) {
+    grid.apply(u, f);
   }
   /// f = K u, where nodes at both ends of a flat axis may have different values.
   void apply_with_ends_apart(Grid& grid, const Field& u, Field& f, Dilatation dilatation) const {
     const std::array<double, 3> inverse_edges = grid.inverse_edges;
     for (int d = 0; d < 3; ++d) grid.inverse_edges[d] = 1.0 / grid.edges[d];
-    const double* from = u.data();
-    double* to = f.data();
-    multiply(grid, &from, &to, 1, dilatation);
+    multiply(grid, u.data(), f.data(), dilatation);
     grid.inverse_edges = inverse_edges;
   }
   /// Calls f(node, x) for the nodes of a layer, x from the lowest corner.

@@ -77,6 +77,17 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory
 
 }  // namespace
 
+CellProblem::CellProblem(CellGrid grid_, const Vec<3>& origin_, const Vec<3>& edges_, const Mat<3>& axes_,
+                         const std::array<int, 3>& ratio_, Dilatation dilatation,
+                         const std::vector<Restraint<3>>& restraints_)
+    : grid(std::move(grid_)),
+      origin(origin_),
+      edges(edges_),
+      axes(axes_),
+      ratio(ratio_),
+      dilatation_of_answers(dilatation),
+      restraints(&restraints_) {}
+
 Index CellProblem::num_cells() const {
   std::vector<Index> of_layer(grid.cells[2], 0);
   parallel_chunks(grid.cells[2], 4, [&](Index begin, Index end) {
@@ -186,19 +197,8 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       problems.shrunk.emplace(n, edges / unit_length, stabilised(layers_of_less, n), less.exact(),
                               stiffness.anisotropy());
     }
-    problems.grids.push_back(std::make_unique<CellProblem>(CellProblem{std::move(grid),
-                                                                       image.origin,
-                                                                       edges,
-                                                                       image.axes,
-                                                                       ratio,
-                                                                       dilatation,
-                                                                       &problems.restraints,
-                                                                       {},
-                                                                       {},
-                                                                       {},
-                                                                       {},
-                                                                       {}}));
-    CellProblem& problem = *problems.grids.back();
+    CellProblem& problem = *problems.grids.emplace_back(std::make_unique<CellProblem>(
+        std::move(grid), image.origin, edges, image.axes, ratio, dilatation, problems.restraints));
     if (l == 0) {
       const std::vector<float> parts = std::move(*solid).take();
       for (const auto& [name, part] : facets) patches[name] = boundary_patches(image, part, parts, n);
@@ -207,12 +207,9 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
       for (auto& [name, part] : patches) part = coarsened(part, ratio);
     }
     problem.springs = make_springs(problem, patches, problems.unit);
-    problem.inverse_diagonal = problem.grid.bound(eigenvalues);
-    problem.springs.add_bound(problem.inverse_diagonal.data());
-    for_all(problem.inverse_diagonal.size(), [&](std::size_t i) {
-      float& d = problem.inverse_diagonal[i];
-      d = d > 0.0F ? 1.0F / d : 0.0F;
-    });
+    std::vector<float> diagonal = problem.grid.bound(eigenvalues);
+    problem.springs.add_bound(diagonal.data());
+    problem.set_diagonal(std::move(diagonal));
     hold_nodes(problem, patches, l == 0);
     if (l > 0) forces.coarsen(ratio);
     auto applied = set_loads(problem, cases, patches, forces, problems.unit);

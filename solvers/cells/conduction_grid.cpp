@@ -49,11 +49,11 @@ ConductionGrid::ConductionGrid(const std::array<Index, 3>& cells_, const Vec<3>&
                                const std::vector<PartStiffness>& exact)
     : CellLayout(cells_, edges_), parts(*this, layers, exact) {}
 
-void ConductionGrid::apply(const float* const* u, float* const* f, int count) const {
-  product<Conductive, float, Floats>(*this, 1, u, f, count);
+void ConductionGrid::apply(const float* u, float* f) const {
+  product<Conductive, float, Floats>(*this, 1, u, f);
 }
-void ConductionGrid::apply(const double* const* u, double* const* f, int count) const {
-  product<Conductive, double, Doubles>(*this, 1, u, f, count);
+void ConductionGrid::apply(const double* u, double* f) const {
+  product<Conductive, double, Doubles>(*this, 1, u, f);
 }
 
 CellEigenvalues largest_conduction_eigenvalues(const Vec<3>& edges) {
@@ -67,13 +67,11 @@ CellEigenvalues largest_conduction_eigenvalues(const Vec<3>& edges) {
     for (int q = 0; q < 8; ++q) parts.shear[q] = set >> q & 1 ? 1.0F : 0.0F;
     const ConductionGrid cell({1, 1, 1}, edges, layers_of(parts, {1, 1, 1}));
     std::vector<double> u(cell.nodes(), 0.0), f(cell.nodes());
-    const double* from = u.data();
-    double* to = f.data();
     const auto node = [&](int a) { return cell.node(a & 1, a >> 1 & 1, a >> 2); };
     Matrix K(8, 8);
     for (int a = 0; a < 8; ++a) {
       u[node(a)] = 1.0;
-      cell.apply(&from, &to, 1);
+      cell.apply(u.data(), f.data());
       u[node(a)] = 0.0;
       for (int b = 0; b < 8; ++b) K(b, a) = f[node(b)];
     }

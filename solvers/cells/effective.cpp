@@ -6,6 +6,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/geometry/input/box_averages.hpp"
 #include "efree/solvers/cells/internal/frame_grids.hpp"
+#include "efree/solvers/cells/internal/grid_iterations.hpp"
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -19,7 +20,8 @@ namespace efree {
 namespace {
 
 using internal::CellAverages, internal::CellOperator, internal::ExactStiffness, internal::FrameGrid,
-    internal::FrameMultigrid, internal::LabelStiffness, internal::Parts, internal::Stopwatch;
+    internal::GridLevel, internal::Iterated, internal::LabelStiffness, internal::Multigrid, internal::Parts,
+    internal::ReferenceEnergy, internal::Stopwatch;
 using internal::Field, internal::for_all, internal::zeros, internal::dot;
 using CellCounts = std::array<Index, 3>;
 
@@ -43,9 +45,9 @@ double cells_of(const CellCounts& cells) {
 }
 /// Of how much of an anisotropic material is in a cell's parts.
 constexpr double bytes_of_share = 36.0;
-/// Memory to a node for so many loads at once [bytes].
-double memory_of_node(int components, int loads, int at_once) {
-  return 1.15 * (192.0 + 12.0 * components + 8.0 * components * loads + 40.0 * components * at_once);
+/// Memory to a node for so many loads [bytes].
+double memory_of_node(int components, int loads) {
+  return 1.15 * (128.0 + 52.0 * components + 8.0 * components * loads);
 }
 
 /// Cells of the finest grid, which takes `besides` of a node [bytes].
@@ -53,7 +55,7 @@ CellCounts finest_cells(const LabelImage<3>& image, const EffectiveOptions& opti
                         double besides) {
   constexpr double few = 300000.0;  // cells, up to which voxels are halved
   const bool is_periodic = options.frame == FrameCondition::periodic;
-  const double per_node = memory_of_node(components, loads, 1) + besides;
+  const double per_node = memory_of_node(components, loads) + besides;
   const auto refined = [&](int by) {
     CellCounts cells = image.size;
     for (Index& n : cells)
@@ -138,114 +140,13 @@ Field frame_load(const CellOperator& matrix, Index component) {
   return load;
 }
 
-/// The problems of all loads on one grid.
-struct LoadsOnGrid {
-  const FrameGrid& grid;
-  bool is_uniform;
-  std::vector<Field> force;   ///< by load: minus K E x, folded; the tractions' forces if they are uniform
-  std::vector<double> given;  ///< by load: energy of E x, twice
-
-  /// Less than that counts as none.
-  double least_energy(int load) const { return is_uniform ? 0.0 : no_stiffness * given[load]; }
-};
-
-/// Solves for some loads at once, from u on. Returns the number of iterations and the largest relative error.
-std::pair<int, double> solve_together(const LoadsOnGrid& problem, std::size_t l, FrameMultigrid& precondition,
-                                      double tolerance, int most, const Stage& stage, int begin, int end,
-                                      std::vector<Field>& u) {
-  struct Iteration {
-    int load = 0;
-    Field r, p, Ap;
-    double rz = 0.0, size = 0.0, energy = 0.0;
-  };
-  const FrameGrid& grid = problem.grid;
-  const std::size_t dofs = grid.matrix->size();
-  const float* inverse = grid.inverse_diagonal.data();
-  std::vector<Iteration> all(end - begin);
-  std::vector<Iteration*> active;
-  const auto multiply = [&](const auto& from) {
-    std::vector<double*> fields, products;
-    for (Iteration* one : active) {
-      fields.push_back(from(*one));
-      products.push_back(one->Ap.data());
-    }
-    grid.multiply(fields.data(), products.data(), static_cast<int>(active.size()));
-  };
-  for (int load = begin; load < end; ++load) {
-    Iteration& one = all[load - begin];
-    one = {load, Field(dofs), zeros<double>(dofs), zeros<double>(dofs)};
-    active.push_back(&one);
-  }
-  multiply([&](const Iteration& one) { return u[one.load].data(); });
-  for (Iteration* one : active) {
-    const Field &f = problem.force[one->load], &w = u[one->load];
-    for_all(dofs, [&](std::size_t i) { one->r[i] = inverse[i] > 0.0F ? f[i] - one->Ap[i] : 0.0; });
-    // Twice the energy: of the mean strain less what fluctuations relieve, or of the tractions.
-    const double relieved = internal::summed(dofs, [&](std::size_t i) { return (f[i] + one->r[i]) * w[i]; });
-    one->energy = problem.is_uniform ? relieved : problem.given[one->load] - relieved;
-    one->size = std::sqrt(dot(one->r, one->r));
-  }
-  double largest = 0.0;
-  for (int iteration = 0;; ++iteration) {
-    stage.check();
-    std::erase_if(active, [](const Iteration* one) { return one->size == 0.0; });
-    const int count = static_cast<int>(active.size());
-    for (int s = 0; s < count; ++s) {
-      // In single precision small numbers keep their digits only if scaled.
-      const Iteration& one = *active[s];
-      const double scale = 1.0 / one.size;
-      auto& b = precondition.right(l, s);
-      for_all(dofs, [&](std::size_t i) { b[i] = static_cast<float>(scale * one.r[i]); });
-    }
-    if (count > 0) precondition.cycle(l, count);
-    double worst = 0.0;
-    std::vector<Iteration*> left;
-    for (int s = 0; s < count; ++s) {
-      Iteration& one = *active[s];
-      const auto& z = precondition.result(l, s);
-      const double next = one.size * dot(one.r, z);
-      if (!(next >= 0.0) || !std::isfinite(next)) throw NumericalError("the iterations on cells break down");
-      const double error = std::sqrt(next / std::max({one.energy, problem.least_energy(one.load), next}));
-      worst = std::max(worst, error);
-      if (error <= tolerance) {
-        largest = std::max(largest, error);
-        continue;
-      }
-      const double beta = iteration == 0 ? 0.0 : next / one.rz;
-      one.rz = next;
-      for_all(dofs, [&](std::size_t i) { one.p[i] = one.size * z[i] + beta * one.p[i]; });
-      left.push_back(&one);
-    }
-    active = left;
-    if (active.empty()) return {iteration, largest};
-    if (iteration == most)
-      throw NumericalError(
-          fmt::format("{} iterations on cells leave a relative error of {:.2g}: materials of very different moduli, or "
-                      "a body that hardly hangs together",
-                      most, worst));
-    multiply([](Iteration& one) { return one.p.data(); });
-    for (Iteration* one : active) {
-      const double alpha = one->rz / dot(one->p, one->Ap);  // at nodes that are not free p or Ap is 0
-      Field& w = u[one->load];
-      one->size = std::sqrt(internal::summed(dofs, [&](std::size_t i) {
-        if (inverse[i] == 0.0F) return 0.0;
-        w[i] += alpha * one->p[i];
-        const double rest = one->r[i] -= alpha * one->Ap[i];
-        return rest * rest;
-      }));
-      one->energy += (problem.is_uniform ? alpha : -alpha) * one->rz;
-    }
-  }
-}
-
 /// Void next to the frame bears no traction.
-void require_solid_frame(const CellOperator& matrix, const FrameGrid& grid) {
-  const auto& n = matrix.layout().cells;
+void require_solid_frame(const FrameGrid& grid) {
+  const auto& n = grid.layout().cells;
   for (Index k = 0; k <= n[2]; ++k)
     for (Index j = 0; j <= n[1]; ++j)
       for (Index i = 0; i <= n[0]; ++i)
-        if ((i % n[0] == 0 || j % n[1] == 0 || k % n[2] == 0) &&
-            grid.inverse_diagonal[matrix.layout().node(i, j, k)] == 0.0F)
+        if ((i % n[0] == 0 || j % n[1] == 0 || k % n[2] == 0) && !grid.is_free(grid.layout().node(i, j, k)))
           throw InputError(
               "void reaches the frame of the image, which then cannot bear uniform tractions: take periodic or "
               "kinematic conditions");
@@ -278,7 +179,7 @@ double coarsening(const CellCounts& fine, const CellCounts& coarse) {
 
 /// Of the iterations on a grid, from what the coarser ones found, and it itself if that is known.
 double tolerance_for(const std::vector<EffectiveLevel>& coarser, const Matrix* itself) {
-  constexpr double least = 5e-5, most = 3e-3, share = 0.01;
+  constexpr double least = 5e-5, most = 3e-3, share = 0.05;
   if (coarser.size() < (itself == nullptr ? 2 : 1)) return itself == nullptr ? 2.0 * least : least;
   const Matrix &finer = itself == nullptr ? coarser[0].tensor : *itself,
                &before = itself == nullptr ? coarser[1].tensor : coarser[0].tensor;
@@ -303,58 +204,54 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
     grids.emplace_back(physics.matrix(n, lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2])) / unit_length, flat),
                        options.frame);
   }
-  if (is_uniform) require_solid_frame(*grids[0].matrix, grids[0]);
-  int at_once = loads;
-  while (at_once > 1 &&
-         memory_of_node(physics.components, loads, at_once) * nodes_of(cells[0]) > 0.8 * available_memory())
-    at_once = (at_once + 1) / 2;
-  FrameMultigrid precondition(grids, at_once);
+  if (is_uniform) require_solid_frame(grids[0]);
+  std::vector<const GridLevel*> levels;
+  for (const FrameGrid& grid : grids) levels.push_back(&grid);
+  Multigrid precondition(levels, inverse_of(grids.back()));
   EffectiveTensor result;
   std::vector<Field> u(loads);
   const Matrix applied = Matrix::Identity(strains, loads), none = Matrix::Zero(strains, loads);
   for (std::size_t l = grids.size(); l-- > 0;) {
     const Stopwatch seconds;
-    FrameGrid& grid = grids[l];
-    LoadsOnGrid problem{grid, is_uniform, std::vector<Field>(loads), std::vector<double>(loads, 0.0)};
-    for (int load = 0; load < loads; ++load) {
-      Field start = zeros<double>(grid.matrix->size());
-      if (!u[load].empty()) precondition.prolong(l, u[load], start);
-      u[load] = std::move(start);
+    const FrameGrid& grid = grids[l];
+    for (Field& of_load : u) {
+      of_load = of_load.empty() ? zeros<double>(grid.size()) : precondition.prolonged(l, of_load);
+      grid.complete(of_load.data());
     }
-    const double volume = grid.matrix->layout().edges.prod() * cells[l][0] * cells[l][1] * cells[l][2];
-    EffectiveLevel found{.edges = grid.matrix->layout().edges * unit_length,
-                         .cells = cells[l][0] * cells[l][1] * cells[l][2]};
+    std::vector<Field> tractions(is_uniform ? loads : 0);
+    const double volume = grid.layout().edges.prod() * cells[l][0] * cells[l][1] * cells[l][2];
+    EffectiveLevel found{.edges = grid.layout().edges * unit_length, .cells = cells[l][0] * cells[l][1] * cells[l][2]};
     Matrix mean = Matrix::Zero(strains, strains);
     Matrix stresses;
     const auto solve = [&](double to) {
       result.iteration_error = 0.0;
-      for (int first = 0; first < loads; first += at_once) {
-        const int end = std::min(loads, first + at_once);
-        for (int load = first; load < end; ++load) {
-          Field& f = problem.force[load];
-          const Vector stress = grid.matrix->apply_strain(applied.col(load), f);
-          problem.given[load] = stress[load];
-          mean.col(load) = physics.unit / volume * stress;
-          grid.fold(f.data());
+      for (int load = 0; load < loads; ++load) {
+        Field f;
+        const Vector stress = grid.matrix().apply_strain(applied.col(load), f);
+        mean.col(load) = physics.unit / volume * stress;
+        // Of the tractions' work, or of the mean strain less what fluctuations relieve.
+        ReferenceEnergy energy{.of_work = 2.0, .of_own = -1.0};
+        if (is_uniform) {
+          f = frame_load(grid.matrix(), load);
+        } else {
+          grid.collect(f.data());
           for_all(f.size(), [&](std::size_t i) { f[i] = -f[i]; });
-          if (is_uniform) f = frame_load(*grid.matrix, load);
+          energy = {.given = stress[load], .of_work = -2.0, .of_own = 1.0, .least = no_stiffness * stress[load]};
         }
-        const auto [iterations, error] =
-            solve_together(problem, l, precondition, to, options.most, stage, first, end, u);
-        found.iterations = std::max(found.iterations, iterations);
-        result.iteration_error = std::max(result.iteration_error, error * error);
-        if (!is_uniform)
-          for (int load = first; load < end; ++load) problem.force[load] = Field();
+        const Iterated iterated =
+            iterate(grid, l, f, precondition, energy, {.tolerance = to, .most = options.most}, stage, u[load]);
+        found.iterations = std::max(found.iterations, iterated.iterations);
+        result.iteration_error = std::max(result.iteration_error, iterated.error * iterated.error);
+        if (is_uniform) tractions[load] = std::move(f);
       }
-      for (int load = 0; load < loads; ++load) grid.spread(u[load].data());
-      const CellAverages means = grid.matrix->averages(u, is_uniform ? none : applied);
+      const CellAverages means = grid.matrix().averages(u, is_uniform ? none : applied);
       Matrix tensor = means.energy;
       stresses = means.stress.topRows(loads);
       if (is_uniform) {
         // Compliance from the mean strains, which the tractions' work tells; errors are of second order.
         Matrix strain(loads, loads);
         for (int a = 0; a < loads; ++a)
-          for (int b = 0; b < loads; ++b) strain(a, b) = dot(problem.force[a], u[b]) / volume;
+          for (int b = 0; b < loads; ++b) strain(a, b) = dot(tractions[a], u[b]) / volume;
         tensor = inverted(strain + strain.transpose() - means.energy);
         stresses = strain;
       }

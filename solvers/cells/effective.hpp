@@ -21,9 +21,8 @@ struct EffectiveOptions {
   /// Whether boundaries between labels are taken to be smooth, planes within voxels (box_averages); else they are the
   /// faces of voxels. Of materials that differ from place to place they are smooth.
   bool smooth = true;
-  /// Of the iterations: relative error in the energy norm. That of the tensor is its square. 0: a hundredth of the root
-  /// of what the grid differs by from the one before, which is a ten thousandth of that in the tensor, and at least
-  /// 5e-5.
+  /// Of the iterations: relative error in the energy norm. That of the tensor is its square. 0: a twentieth of the root
+  /// of what the grid differs by from the one before, which is a 400th of that in the tensor, and at least 5e-5.
   double tolerance = 0.0;
   int most = 300;  ///< iterations on a grid after which it is given up
   int loads = 0;   ///< how many columns of the tensor are computed, the others are 0; 0: all (measurements only)
@@ -64,12 +63,11 @@ void estimate_grid_error(EffectiveTensor& result, const std::function<double(std
 /// Effective stiffness of an image, `materials` by label, label 0 void; along the image's axes. Trilinear
 /// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages
 /// sees; where the material changes on faces of voxels only, cells of a voxel represent it exactly. Six mean strains
-/// (stresses) on one hierarchy of grids, together: conjugate gradients preconditioned by geometric multigrid, each grid
+/// (stresses) on one hierarchy of grids: conjugate gradients preconditioned by geometric multigrid, each grid
 /// begins with what the coarser one found. Grids need not have even numbers of cells.
 ///
 /// Bodies that nothing connects to the others, and void that cuts all of them, leave parts of the tensor zero. Bitwise
-/// the same on any number of threads; memory: about 1.2 kB to a cell, half of that where it is short, and 64 bytes for
-/// each anisotropic material.
+/// the same on any number of threads; memory: about 500 bytes to a cell, and 40 for each anisotropic material.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is
 /// anisotropic and differs from place to place, an image that is all void, void at the frame under uniform tractions,

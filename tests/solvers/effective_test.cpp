@@ -253,7 +253,7 @@ TEST(EffectiveStiffness, OfSphericalPoresComesFromAboveAndIsJustBelowHashinAndSh
   EXPECT_NEAR(found.tensor(3, 3), 2.461, 0.005 * 2.461);
   EXPECT_LT(found.grid_error, 0.005);
   // The iterations leave next to nothing of what the grid does; to the end they lead to the same.
-  EXPECT_LT(found.iteration_error, 1e-3 * found.grid_error);
+  EXPECT_LT(found.iteration_error, 0.01 * found.grid_error);
   const EffectiveTensor to_the_end = effective_stiffness(ball_of(48, 0.2, 0, 1), two_materials(), {.tolerance = 2e-5});
   EXPECT_LT(difference(found.tensor, to_the_end.tensor), std::max(1e-8, 2.0 * found.iteration_error));
   EXPECT_LT(to_the_end.asymmetry, 1e-6);

@@ -73,8 +73,7 @@ class CellAnisotropy {
 
 struct CellGrid;
 /// Adds the forces of the anisotropic parts to fields `f`, for layers of cells (kernels::Layers).
-template <class T>
-using AddAnisotropy = void (*)(const CellGrid&, const T* const* u, T* const* f, int count, Index begin, Index end);
+template <class T> using AddAnisotropy = void (*)(const CellGrid&, const T* u, T* f, Index begin, Index end);
 template <class T> AddAnisotropy<T> add_anisotropy();
 
 }  // namespace efree::internal

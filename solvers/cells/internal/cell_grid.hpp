@@ -59,14 +59,9 @@ struct CellGrid : CellLayout {
   /// f = K u. Bitwise the same on any number of threads.
   void apply(const float* u, float* f, Dilatation dilatation = Dilatation::local) const;
   void apply(const double* u, double* f, Dilatation dilatation = Dilatation::local) const;
-  /// The same for `count` fields, for which the stiffness is read once.
-  void apply(const float* const* u, float* const* f, int count, Dilatation dilatation = Dilatation::local) const;
-  void apply(const double* const* u, double* const* f, int count, Dilatation dilatation = Dilatation::local) const;
   /// f = K_iso u of the isotropic parts alone, which is what preconditioners know.
   void apply_isotropic(const float* u, float* f, Dilatation dilatation) const;
   void apply_isotropic(const double* u, double* f, Dilatation dilatation) const;
-  void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const;
-  void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const;
   /// By which nearly incompressible materials among the parts do not lock.
   Dilatation needed() const { return parts.ratios()[1] > bearable_ratio ? Dilatation::mean : Dilatation::local; }
   /// A diagonal D, laid out as a field, with x^T K_iso x <= x^T D x for all x and both dilatations: that of K_iso, cell

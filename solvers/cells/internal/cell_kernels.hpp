@@ -102,42 +102,37 @@ template <class V, class S>
 /// Calls Add::cells<T, V>(grid, u, f, i, j, k) for the cells of the layers [begin, end) that are not empty, as many at
 /// once as V holds, and for fewer at the end of a row.
 template <class Add, class Grid, class T, class V>
-[[gnu::always_inline]] inline void add_layers(const Grid& grid, const T* const* u, T* const* f, int count, Index begin,
-                                              Index end) {
+[[gnu::always_inline]] inline void add_layers(const Grid& grid, const T* u, T* f, Index begin, Index end) {
   constexpr int at_once = sizeof(V) / sizeof(T), blocks = at_once / W;
   using Fewer = std::conditional_t<std::is_same_v<T, float>, Floats, Doubles>;
   for (Index k = begin; k < end; ++k)
-    for (Index j = 0; j < grid.cells[1]; ++j)
-      for (int r = 0; r < count; ++r) {  // what a row weighs stays in the cache
-        Index i = 0;
-        for (; i + at_once <= grid.row; i += at_once) {
-          const std::size_t block = grid.block(i, j, k);
-          if (grid.parts.is_empty(block) && grid.parts.is_empty(block + blocks - 1)) continue;
-          Add::template cells<T, V>(grid, u[r], f[r], i, j, k);
-        }
-        if (i < grid.row && !grid.parts.is_empty(grid.block(i, j, k)))
-          Add::template cells<T, Fewer>(grid, u[r], f[r], i, j, k);
+    for (Index j = 0; j < grid.cells[1]; ++j) {
+      Index i = 0;
+      for (; i + at_once <= grid.row; i += at_once) {
+        const std::size_t block = grid.block(i, j, k);
+        if (grid.parts.is_empty(block) && grid.parts.is_empty(block + blocks - 1)) continue;
+        Add::template cells<T, V>(grid, u, f, i, j, k);
       }
+      if (i < grid.row && !grid.parts.is_empty(grid.block(i, j, k))) Add::template cells<T, Fewer>(grid, u, f, i, j, k);
+    }
 }
 
-/// Adds the products of so many fields to `f` for the layers [begin, end) of cells.
-template <class Grid, class T>
-using Layers = void (*)(const Grid&, const T* const* u, T* const* f, int count, Index begin, Index end);
+/// Adds the product to `f` for the layers [begin, end) of cells.
+template <class Grid, class T> using Layers = void (*)(const Grid&, const T* u, T* f, Index begin, Index end);
 template <class Add, class Grid, class T, class V>
-void plain(const Grid& grid, const T* const* u, T* const* f, int count, Index begin, Index end) {
-  add_layers<Add, Grid, T, V>(grid, u, f, count, begin, end);
+void plain(const Grid& grid, const T* u, T* f, Index begin, Index end) {
+  add_layers<Add, Grid, T, V>(grid, u, f, begin, end);
 }
 #if defined(__x86_64__) && !defined(EFREE_SSE2_KERNELS)
 template <class Add, class Grid, class T, class V>
-[[gnu::target("avx2,fma")]] void wide(const Grid& grid, const T* const* u, T* const* f, int count, Index begin,
-                                      Index end) {
-  add_layers<Add, Grid, T, V>(grid, u, f, count, begin, end);
+[[gnu::target("avx2,fma")]] void wide(const Grid& grid, const T* u, T* f, Index begin, Index end) {
+  add_layers<Add, Grid, T, V>(grid, u, f, begin, end);
 }
 #if !defined(EFREE_AVX2_KERNELS)
 template <class Add, class Grid, class T, class V>
-[[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const Grid& grid, const T* const* u, T* const* f, int count,
-                                                            Index begin, Index end) {
-  add_layers<Add, Grid, T, typename Wider<V>::type>(grid, u, f, count, begin, end);
+[[gnu::target("avx512f,avx512vl,avx512dq,fma")]] void wider(const Grid& grid, const T* u, T* f, Index begin,
+                                                            Index end) {
+  add_layers<Add, Grid, T, typename Wider<V>::type>(grid, u, f, begin, end);
 }
 #endif
 template <class Add, class Grid, class T, class V> Layers<Grid, T> kernel() {
@@ -167,20 +162,18 @@ template <class Body> void for_layers(const std::array<Index, 3>& cells, const B
     });
 }
 
-/// f = K u for fields of `components` each, by what `Add` adds for layers of cells, and then `more`, unless it is null.
-template <class Add, class T, class V, class Grid> void product(const Grid& grid, int components, const T* const* u,
-                                                                T* const* f, int count,
-                                                                Layers<Grid, T> more = nullptr) {
+/// f = K u for fields of so many components, by what `Add` adds for layers of cells, and then `more`, unless it is
+/// null.
+template <class Add, class T, class V, class Grid>
+void product(const Grid& grid, int components, const T* u, T* f, Layers<Grid, T> more = nullptr) {
   static const Layers<Grid, T> add = kernel<Add, Grid, T, V>();
   const std::size_t plane = grid.node(0, 0, 1), nodes = grid.nodes();
   for_layers(grid.cells, [&](Index begin, Index end, bool first) {
     // Planes of nodes that no chunk before has set to zero.
     const Index low = first ? begin : begin + 1, high = first || end == grid.cells[2] ? end + 1 : end;
-    for (int r = 0; r < count; ++r)
-      for (int c = 0; c < components; ++c)
-        std::fill(f[r] + c * nodes + plane * low, f[r] + c * nodes + plane * high, T(0));
-    add(grid, u, f, count, begin, end);
-    if (more) more(grid, u, f, count, begin, end);
+    for (int c = 0; c < components; ++c) std::fill(f + c * nodes + plane * low, f + c * nodes + plane * high, T(0));
+    add(grid, u, f, begin, end);
+    if (more) more(grid, u, f, begin, end);
   });
 }
 

@@ -33,12 +33,12 @@ class CellOperator {
   std::size_t size() const { return components() * layout().nodes(); }
   /// What its answers are to be of.
   virtual Dilatation dilatation() const = 0;
-  /// For `count` fields. Bitwise the same on any number of threads.
-  virtual void apply(const float* const* u, float* const* f, int count, Dilatation dilatation) const = 0;
-  virtual void apply(const double* const* u, double* const* f, int count, Dilatation dilatation) const = 0;
+  /// Bitwise the same on any number of threads.
+  virtual void apply(const float* u, float* f, Dilatation dilatation) const = 0;
+  virtual void apply(const double* u, double* f, Dilatation dilatation) const = 0;
   /// The same of the isotropic parts of materials, which is what preconditioners know.
-  virtual void apply_isotropic(const float* const* u, float* const* f, int count, Dilatation dilatation) const = 0;
-  virtual void apply_isotropic(const double* const* u, double* const* f, int count, Dilatation dilatation) const = 0;
+  virtual void apply_isotropic(const float* u, float* f, Dilatation dilatation) const = 0;
+  virtual void apply_isotropic(const double* u, double* f, Dilatation dilatation) const = 0;
   /// A diagonal that is nowhere less than K of the isotropic parts.
   virtual std::vector<float> bound() const = 0;
   /// f = K E x for a mean strain E, without fluctuations. Returns the stress, integrated over the frame.

@@ -4,8 +4,7 @@
 
 #include "efree/solvers/cells/cell_solver.hpp"
 #include "efree/solvers/cells/internal/cell_boundary.hpp"
-#include "efree/solvers/cells/internal/cell_grid.hpp"
-#include "efree/solvers/cells/internal/grid_fields.hpp"
+#include "efree/solvers/cells/internal/grid_level.hpp"
 #include "efree/solvers/cells/internal/springs.hpp"
 
 #include <array>
@@ -32,18 +31,35 @@ struct ObliqueNode {
 };
 
 /// On one grid. Moduli and edges are scaled so that single precision holds them; forces with them.
-struct CellProblem {
+struct CellProblem final : GridLevel {
   CellGrid grid;
   Vec<3> origin, edges;      ///< unscaled [length]
   Mat<3> axes;               ///< of the image, in which fields have their components
   std::array<int, 3> ratio;  ///< cells of the next finer grid in one, 1 or 2 along each axis; of the finest 1
-  Dilatation dilatation;
+  Dilatation dilatation_of_answers;
   const std::vector<Restraint<3>>* restraints;
-  std::vector<HeldNode> held;           ///< ascending by node, those of a node by restraint
-  Springs springs;                      ///< of elastic restraints
-  std::vector<float> inverse_diagonal;  ///< of a diagonal that is nowhere less than K_iso; 0 where nothing is free
-  std::vector<ObliqueNode> oblique;     ///< ascending; their three diagonals are the same
-  std::vector<Field> loads;             ///< by case; empty without loads
+  std::vector<HeldNode> held{};        ///< ascending by node, those of a node by restraint
+  Springs springs{};                   ///< of elastic restraints
+  std::vector<ObliqueNode> oblique{};  ///< ascending; their three diagonals are the same
+  std::vector<Field> loads{};          ///< by case; empty without loads
+
+  /// Without conditions.
+  CellProblem(CellGrid grid, const Vec<3>& origin, const Vec<3>& edges, const Mat<3>& axes,
+              const std::array<int, 3>& ratio, Dilatation dilatation, const std::vector<Restraint<3>>& restraints);
+
+  const CellLayout& layout() const override { return grid; }
+  int components() const override { return 3; }
+  Dilatation dilatation() const override { return dilatation_of_answers; }
+  /// With the springs.
+  void apply(const float* u, float* f) const override { multiply(u, f); }
+  void apply(const double* u, double* f) const override { multiply(u, f); }
+  void apply_isotropic(const float* u, float* f, Dilatation of) const override { multiply_isotropic(u, f, of); }
+  void apply_isotropic(const double* u, double* f, Dilatation of) const override { multiply_isotropic(u, f, of); }
+  /// Takes the directions off that oblique nodes are held in.
+  void complete(float* u) const override { project(u); }
+  void complete(double* u) const override { project(u); }
+  void collect(float* f) const override { project(f); }
+  void collect(double* f) const override { project(f); }
 
   /// From the image's origin, along its axes.
   Vec<3> local(const std::array<Index, 3>& node) const { return edges.cwiseProduct(Vec<3>(node[0], node[1], node[2])); }
@@ -82,29 +98,10 @@ struct CellProblem {
     const int component = (*restraints)[at.restraint].component;
     return component < 0 ? Vec<3>(at.normal.cast<double>().normalized()) : Vec<3>(axes.row(component).transpose());
   }
-  /// f = K u with the springs.
-  template <class T> void apply(const T* u, T* f) const {
-    grid.apply(u, f, dilatation);
-    springs.add_to(u, f);
-  }
-  /// The same of the isotropic parts (CellGrid::apply_isotropic).
-  template <class T> void apply_isotropic(const T* u, T* f, Dilatation of) const {
-    grid.apply_isotropic(u, f, of);
-    springs.add_to(u, f);
-  }
   /// Null: the node is held along the image's axes, if at all.
   const ObliqueNode* find_oblique(std::size_t node) const {
     const auto found = std::ranges::lower_bound(oblique, node, {}, &ObliqueNode::node);
     return found != oblique.end() && found->node == node ? &*found : nullptr;
-  }
-  /// Takes the directions off that oblique nodes are held in.
-  template <class T> void project(Values<T>& field) const {
-    for (const ObliqueNode& at : oblique) {
-      Vec<3> v;
-      for (int c = 0; c < 3; ++c) v[c] = static_cast<double>(field[c * grid.nodes() + at.node]);
-      v = at.free * v;
-      for (int c = 0; c < 3; ++c) field[c * grid.nodes() + at.node] = static_cast<T>(v[c]);
-    }
   }
   std::size_t dof(int component, const std::array<Index, 3>& node) const {
     return component * grid.nodes() + grid.node(node[0], node[1], node[2]);
@@ -120,7 +117,28 @@ struct CellProblem {
   void set_held(Field& u) const;
   /// That are not void.
   Index num_cells() const;
+
+ private:
+  template <class T> void multiply(const T* u, T* f) const {
+    grid.apply(u, f, dilatation_of_answers);
+    springs.add_to(u, f);
+  }
+  template <class T> void multiply_isotropic(const T* u, T* f, Dilatation of) const {
+    grid.apply_isotropic(u, f, of);
+    springs.add_to(u, f);
+  }
+  template <class T> void project(T* field) const {
+    for (const ObliqueNode& at : oblique) {
+      Vec<3> v;
+      for (int c = 0; c < 3; ++c) v[c] = static_cast<double>(field[c * grid.nodes() + at.node]);
+      v = at.free * v;
+      for (int c = 0; c < 3; ++c) field[c * grid.nodes() + at.node] = static_cast<T>(v[c]);
+    }
+  }
 };
+
+/// By a factor of the matrix.
+SmallInverse inverse_of(const CellProblem& problem);
 
 /// Patches by part of the boundary.
 using PartPatches = std::map<std::string, std::vector<BoundaryPatch>>;

@@ -16,9 +16,9 @@ struct ConductionGrid : CellLayout {
   ConductionGrid(const std::array<Index, 3>& cells, const Vec<3>& edges, const PartLayers& layers,
                  const std::vector<PartStiffness>& exact = {});
 
-  /// f = K u for `count` fields. Bitwise the same on any number of threads.
-  void apply(const float* const* u, float* const* f, int count) const;
-  void apply(const double* const* u, double* const* f, int count) const;
+  /// f = K u. Bitwise the same on any number of threads.
+  void apply(const float* u, float* f) const;
+  void apply(const double* u, double* f) const;
   /// As CellGrid::bound; the eigenvalues are those of conduction.
   std::vector<float> bound(const CellEigenvalues& eigenvalues) const;
 };
