@@ -207,6 +207,15 @@ void CellParts::find_kinds() {
   });
 }
 
+std::optional<std::array<int, 3>> halvings(const std::array<Index, 3>& fine, const std::array<Index, 3>& coarse) {
+  std::array<int, 3> ratio;
+  for (int d = 0; d < 3; ++d) {
+    if (fine[d] != coarse[d] && fine[d] != 2 * coarse[d]) return {};
+    ratio[d] = fine[d] == coarse[d] ? 1 : 2;
+  }
+  return ratio;
+}
+
 std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,
                           const std::array<int, 3>& ratio) {
   const std::size_t along = 2 * static_cast<std::size_t>(cells[0]), plane = along * 2 * cells[1];

@@ -7,6 +7,7 @@
 #include "efree/solvers/cells/internal/body_forces.hpp"
 #include "efree/solvers/cells/internal/cell_loads.hpp"
 #include "efree/solvers/cells/internal/cell_stiffness.hpp"
+#include "efree/solvers/cells/internal/multigrid.hpp"
 
 #include <fmt/format.h>
 #include <cmath>
@@ -43,20 +44,29 @@ VoxelParts facets_by_part(const LabelImage<3>& image, const std::vector<Restrain
   return parts;
 }
 
-/// Cells of the grids, from fine to coarse: edges of at most `size` on the finest, 6 to 12 cells along each axis on the
-/// last, or as many as keep it small; each axis is halved at least twice, as three grids tell the error. Throws
-/// InputError if there is less `memory` [bytes to a point] than they take.
-std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory) {
+/// Cells along an axis of so many voxels, each so long: edges of at most `size`, and four at least. Where that is a
+/// whole part of a voxel, cells are: boundaries, which lie within voxels or on their faces, are then where the image
+/// has them. Elsewhere multiples of four, so that coarser grids have cells of whole finer ones, and differ from these
+/// by their size only.
+double cells_along(Index voxels, double voxel, double size) {
+  const double parts = std::round(voxel / size);
+  if (parts >= 1.0 && std::abs(parts * size / voxel - 1.0) < 1e-6 && parts * voxels >= 4.0) return parts * voxels;
+  return 4.0 * std::ceil(std::ceil(voxels * voxel / size * (1.0 - 1e-7)) / 4.0);
+}
+
+/// Cells of the grids, from fine to coarse; 6 to 12 cells along each axis on the last, or as many as keep it small.
+/// Each axis is halved, odd numbers rounded up, at least twice, as three grids tell the error. Throws InputError if
+/// there is less `memory` [bytes to a point] than they take.
+std::vector<Triple> grid_cells(const LabelImage<3>& image, double size, double memory) {
   constexpr double few = 2500.0;  // points, which are solved directly
   Triple n;
   std::array<int, 3> halvings;
   double points = 1.0;
   for (int d = 0; d < 3; ++d) {
-    const double wanted = std::ceil(lengths[d] / size * (1.0 - 1e-7));
-    halvings[d] = std::max(2, static_cast<int>(std::floor(std::log2(std::max(wanted, 1.0) / 6.0))));
-    const double whole = std::ceil(wanted / std::pow(2.0, halvings[d])) * std::pow(2.0, halvings[d]);
-    points *= whole + 1.0 + (d == 0 ? 1.5 * CellGrid::lanes : 0.0);
-    n[d] = static_cast<Index>(std::min(whole, 1e9));
+    const double wanted = cells_along(image.size[d], image.spacing[d], size);
+    halvings[d] = std::max(2, static_cast<int>(std::floor(std::log2(wanted / 6.0))));
+    points *= wanted + 1.0 + (d == 0 ? 1.5 * CellGrid::lanes : 0.0);
+    n[d] = static_cast<Index>(std::min(wanted, 1e9));
   }
   require_memory(memory * points, fmt::format("a grid of {} x {} x {} cells", n[0], n[1], n[2]),
                  "use larger cells (mesh_size)");
@@ -66,7 +76,7 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory
     bool any = false;
     for (int d = 0; d < 3; ++d)
       if (halvings[d]-- > 0) {
-        n[d] /= 2;
+        n[d] = (n[d] + 1) / 2;
         any = true;
       }
     if (!any) break;
@@ -78,13 +88,11 @@ std::vector<Triple> grid_cells(const Vec<3>& lengths, double size, double memory
 }  // namespace
 
 CellProblem::CellProblem(CellGrid grid_, const Vec<3>& origin_, const Vec<3>& edges_, const Mat<3>& axes_,
-                         const std::array<int, 3>& ratio_, Dilatation dilatation,
-                         const std::vector<Restraint<3>>& restraints_)
+                         Dilatation dilatation, const std::vector<Restraint<3>>& restraints_)
     : grid(std::move(grid_)),
       origin(origin_),
       edges(edges_),
       axes(axes_),
-      ratio(ratio_),
       dilatation_of_answers(dilatation),
       restraints(&restraints_) {}
 
@@ -158,7 +166,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   if (const auto anisotropic = stiffness.anisotropic.size(); anisotropic > 0)
     memory += anisotropic_memory + material_memory * static_cast<double>(anisotropic);
   const std::vector<Triple> cells =
-      grid_cells(lengths, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(), memory);
+      grid_cells(image, options.size > 0.0 ? options.size : 2.0 * image.spacing.maxCoeff(), memory);
   const double unit_length = lengths.cwiseQuotient(Vec<3>(cells[0][0], cells[0][1], cells[0][2])).maxCoeff();
 
   CellProblems problems{restraints(conditions),
@@ -168,28 +176,32 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
                         {}};
   const VoxelParts facets = facets_by_part(image, problems.restraints, cases, options.parts);
   PartPatches patches;
-  BodyForces forces(image, cases, cells[0]);
-  const PartsOfImage of_image(image, stiffness, cells[0], 0.0);
-  std::optional<SolidParts> solid(std::in_place, image, stiffness, of_image, cells[0]);
+  std::optional<BodyForces> forces;
+  std::optional<PartsOfImage> of_image;
+  std::optional<SolidParts> solid;
   CellEigenvalues eigenvalues{};
   std::array<float, 2> ratios{};
   Dilatation dilatation = Dilatation::local;
   for (std::size_t l = 0; l < cells.size(); ++l) {
     const Triple& n = cells[l];
     const Vec<3> edges = lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2]));
-    std::array<int, 3> ratio{1, 1, 1};
+    const auto ratio = l > 0 ? halvings(cells[l - 1], n) : std::nullopt;
     PartLayers layers = [&](Index begin, Index end) { return solid->layers(begin, end); };
-    if (l > 0) {
-      for (int d = 0; d < 3; ++d) ratio[d] = cells[l - 1][d] / n[d];
+    if (ratio) {
       const CellGrid& finer = problems.grids.back()->grid;
-      layers = halved([&](Index begin, Index end) { return finer.layers(begin, end); }, cells[l - 1], ratio);
+      layers = halved([&](Index begin, Index end) { return finer.layers(begin, end); }, cells[l - 1], *ratio);
+      forces->coarsen(*ratio);
+    } else {
+      of_image.emplace(image, stiffness, n, 0.0);
+      solid.emplace(image, stiffness, *of_image, n);
+      forces.emplace(image, cases, n);
     }
-    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image.exact(), stiffness.anisotropy());
+    CellGrid grid(n, edges / unit_length, stabilised(layers, n), of_image->exact(), stiffness.anisotropy());
     if (l == 0) {
       ratios = grid.parts.ratios();
       dilatation = grid.needed();
     }
-    if (l == 0 || ratio[0] != ratio[1] || ratio[1] != ratio[2])
+    if (!ratio || (*ratio)[0] != (*ratio)[1] || (*ratio)[1] != (*ratio)[2])
       eigenvalues = largest_eigenvalues(edges / unit_length, ratios);
     if (options.half_voxel && l == std::min<std::size_t>(1, cells.size() - 1)) {
       const PartsOfImage less(image, stiffness, n, -0.5);
@@ -198,23 +210,25 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
                               stiffness.anisotropy());
     }
     CellProblem& problem = *problems.grids.emplace_back(std::make_unique<CellProblem>(
-        std::move(grid), image.origin, edges, image.axes, ratio, dilatation, problems.restraints));
-    if (l == 0) {
+        std::move(grid), image.origin, edges, image.axes, dilatation, problems.restraints));
+    if (ratio) {
+      for (auto& [name, part] : patches) part = coarsened(part, *ratio);
+    } else {
       const std::vector<float> parts = std::move(*solid).take();
       for (const auto& [name, part] : facets) patches[name] = boundary_patches(image, part, parts, n);
       solid.reset();
-    } else {
-      for (auto& [name, part] : patches) part = coarsened(part, ratio);
     }
     problem.springs = make_springs(problem, patches, problems.unit);
     std::vector<float> diagonal = problem.grid.bound(eigenvalues);
     problem.springs.add_bound(diagonal.data());
     problem.set_diagonal(std::move(diagonal));
     hold_nodes(problem, patches, l == 0);
-    if (l > 0) forces.coarsen(ratio);
-    auto applied = set_loads(problem, cases, patches, forces, problems.unit);
+    auto applied = set_loads(problem, cases, patches, *forces, problems.unit);
     const BodiesOnGrid bodies = examine_bodies(problem, image, l == 0, options.held);
-    if (l > 0) continue;
+    if (l > 0) {
+      if (!ratio) match(problem, *problems.grids[l - 1]);
+      continue;
+    }
     problems.applied = std::move(applied);
     problems.bodies = bodies;
   }

@@ -80,13 +80,18 @@ void tell_error(CellSolution& solution) {
   if (levels.size() < 2) return;
   const auto potential = [&](std::size_t l) { return softened(levels[l].potential, levels[l]); };
   const double last = potential(1) - potential(0);
+  const auto coarsening = [&](std::size_t l) {  // a little less than two for odd numbers of cells
+    return std::cbrt(levels[l + 1].edges.prod() / levels[l].edges.prod());
+  };
   double rate = 1.0;
   if (levels.size() > 2) {
     const double before = potential(2) - potential(1);
-    if (before > 0.0 && last > 0.0) rate = std::clamp(std::log2(before / last), 1.0, 2.0);
+    if (before > 0.0 && last > 0.0) rate = std::clamp(std::log(before / last) / std::log(coarsening(1)), 1.0, 2.0);
   }
-  const double share = 1.0 / (std::pow(2.0, rate) - 1.0);
-  const double further = share * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
+  const double share = 1.0 / (std::pow(coarsening(0), rate) - 1.0);
+  // Grids that are not parts of each other see boundaries at other places, which looks like a low rate.
+  const double towards = coarsening(0) > 1.999 ? share : 1.0 / (std::pow(coarsening(0), 2) - 1.0);
+  const double further = towards * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
   constexpr double most = 0.5;  // beyond that grids are not on their way to anything
   if (std::abs(further) <= most * solution.extrapolated_energy) solution.extrapolated_energy += further;
   solution.grid_error = std::sqrt(share * std::abs(last) / energy);

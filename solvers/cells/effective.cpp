@@ -204,6 +204,8 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
     grids.emplace_back(physics.matrix(n, lengths.cwiseQuotient(Vec<3>(n[0], n[1], n[2])) / unit_length, flat),
                        options.frame);
   }
+  for (std::size_t l = 1; l < grids.size(); ++l)
+    if (!internal::halvings(cells[l - 1], cells[l])) internal::match(grids[l], grids[l - 1]);
   if (is_uniform) require_solid_frame(grids[0]);
   std::vector<const GridLevel*> levels;
   for (const FrameGrid& grid : grids) levels.push_back(&grid);
@@ -373,16 +375,6 @@ template <class Average> void average_parts(const LabelImage<3>& image, const Ce
   for (std::vector<float>* values : parts) *values = without_margin(*values, size, margin);
 }
 
-/// Cells of a grid along each axis over those of a coarser one, if that has half as many along some.
-std::optional<std::array<int, 3>> halvings(const CellCounts& fine, const CellCounts& coarse) {
-  std::array<int, 3> ratio;
-  for (int d = 0; d < 3; ++d) {
-    if (fine[d] != coarse[d] && fine[d] != 2 * coarse[d]) return {};
-    ratio[d] = fine[d] == coarse[d] ? 1 : 2;
-  }
-  return ratio;
-}
-
 }  // namespace
 
 void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
@@ -435,7 +427,7 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
   for (std::vector<float>& share : parts.shares) values.push_back(&share);
   CellCounts before{};
   const auto matrix = [&](const CellCounts& n, const Vec<3>& edges, const std::array<bool, 3>& flat) {
-    const auto ratio = before[0] > 0 ? halvings(before, n) : std::nullopt;
+    const auto ratio = before[0] > 0 ? internal::halvings(before, n) : std::nullopt;
     if (ratio) {
       for (std::vector<float>* of : values) *of = internal::halved(*of, before, *ratio);
     } else if (!options.smooth && stiffness.varying.empty()) {
@@ -493,7 +485,7 @@ EffectiveTensor effective_conductivity(const LabelImage<3>& image, const std::ve
   Parts parts;
   CellCounts before{};
   const auto matrix = [&](const CellCounts& n, const Vec<3>& edges, const std::array<bool, 3>& flat) {
-    const auto ratio = before[0] > 0 ? halvings(before, n) : std::nullopt;
+    const auto ratio = before[0] > 0 ? internal::halvings(before, n) : std::nullopt;
     if (ratio)
       parts.shear = internal::halved(parts.shear, before, *ratio);
     else if (!options.smooth)

@@ -62,7 +62,8 @@ template <class T> void Transfer::prolong(const T* from, T* to) const {
 template void Transfer::prolong(const float*, float*) const;
 template void Transfer::prolong(const double*, double*) const;
 
-void Transfer::restrict_to_coarse(const float* from, float* to) const {
+void Transfer::transpose(const float* from, float* to, bool squared) const {
+  const auto used = [&](float share) { return squared ? share * share : share; };
   const CellLayout &coarse = coarse_->layout(), &fine = fine_->layout();
   const auto& [x, y, z] = axes_;
   parallel_chunks(coarse.cells[2] + 1, 2, [&](Index begin, Index end) {
@@ -73,14 +74,14 @@ void Transfer::restrict_to_coarse(const float* from, float* to) const {
           std::ranges::fill(line, 0.0F);
           for (std::size_t s = z.begin[k]; s < z.begin[k + 1]; ++s)
             for (std::size_t t = y.begin[j]; t < y.begin[j + 1]; ++t) {
-              const float weight = z.share_of_fine[s] * y.share_of_fine[t];
+              const float weight = used(z.share_of_fine[s] * y.share_of_fine[t]);
               const float* row = from + c * fine.nodes() + fine.node(0, y.fine[t], z.fine[s]);
               for (Index i = 0; i <= fine.cells[0]; ++i) line[i] += weight * row[i];
             }
           float* row = to + c * coarse.nodes() + coarse.node(0, j, k);
           for (Index i = 0; i <= coarse.cells[0]; ++i) {
             float sum = 0.0F;
-            for (std::size_t s = x.begin[i]; s < x.begin[i + 1]; ++s) sum += x.share_of_fine[s] * line[x.fine[s]];
+            for (std::size_t s = x.begin[i]; s < x.begin[i + 1]; ++s) sum += used(x.share_of_fine[s]) * line[x.fine[s]];
             row[i] = sum;
           }
         }
@@ -89,6 +90,25 @@ void Transfer::restrict_to_coarse(const float* from, float* to) const {
   for_all(coarse_->size(), [&](std::size_t i) {
     if (!coarse_->is_free(i)) to[i] = 0.0F;
   });
+}
+
+void match(GridLevel& coarse, const GridLevel& fine) {
+  constexpr float least = 0.4F;  // of the finer grid's; of whole cells two to one it is 0.6
+  SingleField of_fine(fine.size()), wanted(coarse.size());
+  for_all(fine.size(), [&](std::size_t i) { of_fine[i] = fine.is_free(i) ? 1.0F / fine.inverse_diagonal[i] : 0.0F; });
+  Transfer(coarse, fine).restrict_diagonal(of_fine.data(), wanted.data());
+  const std::size_t nodes = coarse.layout().nodes();
+  for (std::size_t node = 0; node < nodes; ++node) {
+    float softer = 1.0F;  // the same for all components: these may depend on each other
+    for (std::size_t i = node; i < coarse.size(); i += nodes)
+      softer = std::max(softer, least * wanted[i] * coarse.inverse_diagonal[i]);
+    if (softer == 1.0F) continue;
+    for (std::size_t i = node; i < coarse.size(); i += nodes) {
+      if (!coarse.is_free(i)) continue;
+      coarse.added.emplace_back(i, (softer - 1.0F) / coarse.inverse_diagonal[i]);
+      coarse.inverse_diagonal[i] /= softer;
+    }
+  }
 }
 
 Multigrid::Multigrid(std::vector<const GridLevel*> grids, SmallInverse coarsest)

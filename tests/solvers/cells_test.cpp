@@ -315,6 +315,10 @@ TEST(Cells, InterfacesWithinCellsAreInTheStatedError) {
     EXPECT_GT(stated, 0.8 * truth) << interface;
     EXPECT_LT(stated, 1.25 * truth) << interface;
     EXPECT_NEAR(solution.extrapolated_energy, exact, 2e-3 * exact) << interface;
+    // Cells of a voxel are voxels, whatever their number.
+    const CellSolution by_voxels = solve_on_cells(image, materials, stretched_along_z(0.1), {}, {.size = 1.0});
+    EXPECT_NEAR(by_voxels.finest().strain_energy, exact, 1e-5 * exact) << interface;
+    EXPECT_EQ(by_voxels.interface_error, 0.0);
     const CellSolution along = solve_on_cells(image, materials,
                                               {symmetry_plane<3>("front"),
                                                symmetry_plane<3>("bottom"),

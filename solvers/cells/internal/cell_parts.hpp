@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 namespace efree::internal {
@@ -60,6 +61,8 @@ struct Parts {
 /// Those of the layers [begin, end) of cells.
 using PartLayers = std::function<Parts(Index begin, Index end)>;
 
+/// Cells of a grid along each axis over those of a coarser one, if these are 1 or 2.
+std::optional<std::array<int, 3>> halvings(const std::array<Index, 3>& fine, const std::array<Index, 3>& coarse);
 /// Means by part of a coarser grid, from the values by part of a grid of so many cells: `ratio`, 1 or 2 along each
 /// axis.
 std::vector<float> halved(const std::vector<float>& parts, const std::array<Index, 3>& cells,

@@ -33,9 +33,8 @@ struct ObliqueNode {
 /// On one grid. Moduli and edges are scaled so that single precision holds them; forces with them.
 struct CellProblem final : GridLevel {
   CellGrid grid;
-  Vec<3> origin, edges;      ///< unscaled [length]
-  Mat<3> axes;               ///< of the image, in which fields have their components
-  std::array<int, 3> ratio;  ///< cells of the next finer grid in one, 1 or 2 along each axis; of the finest 1
+  Vec<3> origin, edges;  ///< unscaled [length]
+  Mat<3> axes;           ///< of the image, in which fields have their components
   Dilatation dilatation_of_answers;
   const std::vector<Restraint<3>>* restraints;
   std::vector<HeldNode> held{};        ///< ascending by node, those of a node by restraint
@@ -44,8 +43,8 @@ struct CellProblem final : GridLevel {
   std::vector<Field> loads{};          ///< by case; empty without loads
 
   /// Without conditions.
-  CellProblem(CellGrid grid, const Vec<3>& origin, const Vec<3>& edges, const Mat<3>& axes,
-              const std::array<int, 3>& ratio, Dilatation dilatation, const std::vector<Restraint<3>>& restraints);
+  CellProblem(CellGrid grid, const Vec<3>& origin, const Vec<3>& edges, const Mat<3>& axes, Dilatation dilatation,
+              const std::vector<Restraint<3>>& restraints);
 
   const CellLayout& layout() const override { return grid; }
   int components() const override { return 3; }
@@ -126,6 +125,7 @@ struct CellProblem final : GridLevel {
   template <class T> void multiply_isotropic(const T* u, T* f, Dilatation of) const {
     grid.apply_isotropic(u, f, of);
     springs.add_to(u, f);
+    add_to_diagonal(u, f);
   }
   template <class T> void project(T* field) const {
     for (const ObliqueNode& at : oblique) {

@@ -22,14 +22,18 @@ class FrameGrid final : public GridLevel {
   Dilatation dilatation() const override { return matrix_->dilatation(); }
   void apply(const float* u, float* f) const override { matrix_->apply(u, f, dilatation()); }
   void apply(const double* u, double* f) const override { matrix_->apply(u, f, dilatation()); }
-  void apply_isotropic(const float* u, float* f, Dilatation of) const override { matrix_->apply_isotropic(u, f, of); }
-  void apply_isotropic(const double* u, double* f, Dilatation of) const override { matrix_->apply_isotropic(u, f, of); }
+  void apply_isotropic(const float* u, float* f, Dilatation of) const override { multiply_isotropic(u, f, of); }
+  void apply_isotropic(const double* u, double* f, Dilatation of) const override { multiply_isotropic(u, f, of); }
   void complete(float* u) const override { spread(u); }
   void complete(double* u) const override { spread(u); }
   void collect(float* f) const override { fold(f); }
   void collect(double* f) const override { fold(f); }
 
  private:
+  template <class T> void multiply_isotropic(const T* u, T* f, Dilatation of) const {
+    matrix_->apply_isotropic(u, f, of);
+    add_to_diagonal(u, f);
+  }
   template <class T> void spread(T* u) const;
   template <class T> void fold(T* f) const;
 

@@ -43,7 +43,13 @@ class GridLevel {
   /// By degree of freedom, of a diagonal that is nowhere less than K_iso; 0 where nothing is free.
   std::vector<float> inverse_diagonal{};
 
+  /// What preconditioners add to the diagonal (match).
+  std::vector<std::pair<std::size_t, float>> added{};
+
   bool is_free(std::size_t dof) const { return inverse_diagonal[dof] > 0.0F; }
+  template <class T> void add_to_diagonal(const T* u, T* f) const {
+    for (const auto& [dof, stiffness] : added) f[dof] += static_cast<T>(stiffness) * u[dof];
+  }
   /// The inverse from that diagonal.
   void set_diagonal(std::vector<float> diagonal) {
     inverse_diagonal = std::move(diagonal);

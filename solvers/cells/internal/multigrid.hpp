@@ -16,9 +16,12 @@ class Transfer {
   /// fine += P coarse, where something is free.
   template <class T> void prolong(const T* from, T* to) const;
   /// coarse = P^T fine, where something is free.
-  void restrict_to_coarse(const float* from, float* to) const;
+  void restrict_to_coarse(const float* from, float* to) const { transpose(from, to, false); }
+  /// diag(P^T D P) of a diagonal D, where something is free.
+  void restrict_diagonal(const float* from, float* to) const { transpose(from, to, true); }
 
  private:
+  void transpose(const float* from, float* to, bool squared) const;
   struct Axis {
     std::vector<Index> lower;          ///< by fine node: coarse node below (or at) it
     std::vector<float> share;          ///< of the coarse node above
@@ -29,6 +32,10 @@ class Transfer {
   const GridLevel *coarse_, *fine_;
   std::array<Axis, 3> axes_;
 };
+
+/// Adds to the diagonal of a coarse grid where that is far softer than the finer one under the same corrections, whose
+/// cells are not parts of coarse ones: a splinter of material in one cell may be next to a whole cell.
+void match(GridLevel& coarse, const GridLevel& fine);
 
 /// V-cycles in single precision over grids from fine to coarse, on each of which they can start. Coarser grids than
 /// that have local dilatations: what they would add to fields without mean dilatation is not free of it on finer ones.
