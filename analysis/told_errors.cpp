@@ -168,7 +168,7 @@ void tell_errors_on_cells(const Settings<3>& settings, const CellSolution& cells
         {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
   }
   for (auto& extreme : answer.extremes)
-    if (extreme.of == "displacement" && settings.largest_displacement) {
+    if (extreme.of == "displacement") {
       const Vec<3> along = displacement_at(cells, 0, extreme.at) / std::max(extreme.value, 1e-300);
       extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
     }

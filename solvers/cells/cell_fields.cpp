@@ -31,12 +31,34 @@ BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& im
 
 }  // namespace
 
-Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x) {
+namespace {
+
+Lattice grid_of(const CellSolution& solution, std::size_t level) {
   Lattice grid = solution.grid;
   for (int d = 0; d < 3; ++d)
     grid.cubes[d] =
         static_cast<Index>(std::lround(grid.cubes[d] * solution.grid.spacing[d] / solution.levels[level].edges[d]));
   grid.spacing = solution.levels[level].edges;
+  return grid;
+}
+
+}  // namespace
+
+double largest_von_mises(const CellSolution& solution, std::size_t level, const LabelImage<3>& image,
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials) {
+  CellSolution coarser;
+  coarser.grid = grid_of(solution, level);
+  coarser.axes = solution.axes;
+  coarser.displacement = solution.levels[level].displacement;
+  coarser.mean_dilatation = solution.mean_dilatation;
+  PlacedRange all;
+  for (const RegionStresses& region : recover_cell_fields(coarser, image, region_of_label, materials).regions)
+    all.add(region.von_mises);
+  return all.most;
+}
+
+Vec<3> displacement_at(const CellSolution& solution, std::size_t level, const Vec<3>& x) {
+  const Lattice grid = grid_of(solution, level);
   const Points<3>& displacement = level == 0 ? solution.displacement : solution.levels[level].displacement;
   const GridPoints points{grid};
   return displacement_in(points, displacement, place_of(grid, solution.axes, x));

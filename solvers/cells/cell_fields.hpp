@@ -61,4 +61,8 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
                                const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials,
                                const std::vector<Vec<3>>& probes = {});
 
+/// The largest von Mises stress that recover_cell_fields finds on the second or third grid (`level` 1 or 2).
+double largest_von_mises(const CellSolution& solution, std::size_t level, const LabelImage<3>& image,
+                         const std::vector<Index>& region_of_label, const std::vector<SharedMaterial>& materials);
+
 }  // namespace efree

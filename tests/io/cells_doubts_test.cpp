@@ -4,6 +4,7 @@
 
 #include "efree/io/case/case_file.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
@@ -127,6 +128,49 @@ TEST(CellsDoubts, JumpsOfAModulusBetweenPlacesAreInTheErrorAsThoseBetweenLabelsA
                    energy = result["strain_energy"], total = result["estimates"]["energy"]["total"];
       EXPECT_LE(std::abs(found - exact), 1.5 * said + 1e-4 * exact) << place << ' ' << contrast;
       EXPECT_LE(std::abs(energy / (32.0 * exact) - 1.0), 2.0 * total * total + 1e-4) << place << ' ' << contrast;
+    }
+}
+
+/// An eighth of a block with a spherical pore, pulled along z. At the equator the stresses along z and around are 2.045
+/// and 0.136 for nu = 0.3 (Goodier 1933).
+TEST(CellsDoubts, PeaksOfStressAtPoresAreAsFarOffAsTheirErrorSays) {
+  const double peak = std::sqrt(2.045 * 2.045 + 0.136 * 0.136 - 2.045 * 0.136);
+  for (const int radius : {5, 8, 12})
+    for (const char* size : {"2", "1"}) {
+      const int n = 6 * radius;
+      const Workspace work(fmt::format(R"([geometry]
+file = "pore.raw"
+mesh_size = {1}
+[geometry.image]
+raw = {{ size = [{0}, {0}, {0}], type = "uint8" }}
+[material]
+E = 1
+nu = 0.3
+[[boundary]]
+on = "left"
+displacement = [0, "free", "free"]
+[[boundary]]
+on = "front"
+displacement = ["free", 0, "free"]
+[[boundary]]
+on = "bottom"
+displacement = ["free", "free", 0]
+[[boundary]]
+on = "top"
+traction = [0, 0, 1]
+)",
+                                       n, size));
+      std::ofstream image(work / "pore.raw", std::ios::binary);
+      for (int k = 0; k < n; ++k)
+        for (int j = 0; j < n; ++j)
+          for (int i = 0; i < n; ++i) image.put(std::hypot(i + 0.5, j + 0.5, k + 0.5) > radius ? '\1' : '\0');
+      image.close();
+      const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+      ASSERT_EQ(run.status, 0) << run.output;
+      const auto found = json(work / "out/result.json")["extremes"]["von_mises"];
+      const double off = std::abs(found["value"].get<double>() - peak), said = found["error"];
+      EXPECT_GT(said, 0.5 * off) << radius << ' ' << size;
+      EXPECT_LT(said, 2.5 * off) << radius << ' ' << size;
     }
 }
 
