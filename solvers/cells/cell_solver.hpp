@@ -22,7 +22,7 @@ inline constexpr double bearable_on_cells = 500.0;
 
 /// Memory that solve_on_cells takes [bytes to a point of the grid], load_memory for each case that has loads, and,
 /// where there are anisotropic materials, anisotropic_memory and material_memory for each of these.
-inline constexpr double cell_memory = 145.0, load_memory = 24.0, anisotropic_memory = 40.0, material_memory = 5.0;
+inline constexpr double cell_memory = 138.0, load_memory = 24.0, anisotropic_memory = 40.0, material_memory = 5.0;
 
 /// How fine and how exact a solution on cells is.
 struct CellOptions {

@@ -136,15 +136,15 @@ void hold_nodes(CellProblem& problem, const PartPatches& patches, bool finest) {
     const ObliqueNode at = constrain(problem, conditions, finest);
     const auto is_oblique = [&](const HeldNode& of) { return axis_along(problem.direction(of)) < 0; };
     if (at.free.norm() < 1e-9) {  // in all directions, whatever these are
-      for (int c = 0; c < 3; ++c) problem.inverse_diagonal[c * nodes + at.node] = 0.0F;
+      for (int c = 0; c < 3; ++c) problem.inverse_diagonal.set(c * nodes + at.node, 0.0F);
     } else if (std::ranges::any_of(conditions, is_oblique)) {
       float least = problem.inverse_diagonal[at.node];
       for (int c = 1; c < 3; ++c) least = std::min(least, problem.inverse_diagonal[c * nodes + at.node]);
-      for (int c = 0; c < 3; ++c) problem.inverse_diagonal[c * nodes + at.node] = least;
+      for (int c = 0; c < 3; ++c) problem.inverse_diagonal.set(c * nodes + at.node, least);
       problem.oblique.push_back(at);
     } else {
       for (const HeldNode& of : conditions)
-        problem.inverse_diagonal[axis_along(problem.direction(of)) * nodes + at.node] = 0.0F;
+        problem.inverse_diagonal.set(axis_along(problem.direction(of)) * nodes + at.node, 0.0F);
     }
   });
 }

@@ -138,7 +138,7 @@ ConditionsByBody conditions_by_body(const CellProblem& problem, const CellBodies
       bool holds_or_loads = has_spring;
       for (int c = 0; c < 3; ++c) {
         const std::size_t dof = c * grid.nodes() + node;
-        holds_or_loads = holds_or_loads || problem.inverse_diagonal[dof] == 0.0F;
+        holds_or_loads = holds_or_loads || !problem.is_free(dof);
         for (const Field& load : problem.loads) holds_or_loads = holds_or_loads || (!load.empty() && load[dof] != 0.0);
       }
       const ObliqueNode* oblique = problem.find_oblique(node);
@@ -157,7 +157,7 @@ ConditionsByBody conditions_by_body(const CellProblem& problem, const CellBodies
         const std::size_t dof = c * grid.nodes() + node;
         Vec<3> free = Vec<3>::Unit(c);
         if (oblique != nullptr) free = oblique->free * free;
-        if (problem.inverse_diagonal[dof] == 0.0F) free.setZero();
+        if (!problem.is_free(dof)) free.setZero();
         const Motion<3> held = motion_in(Vec<3>::Unit(c) - free);
         of_body.held += held * held.transpose();
         for (std::size_t of = 0; of < cases; ++of) {
@@ -221,7 +221,7 @@ void leave_out(CellProblem& problem, const CellBodies& bodies, const ConditionsB
     for (Index j = 0; j <= grid.cells[1]; ++j)
       bodies.for_points(j, k, [&](Index i, Index body) {
         if (conditions.contains(body)) return;
-        for (int c = 0; c < 3; ++c) problem.inverse_diagonal[c * grid.nodes() + grid.node(i, j, k)] = 0.0F;
+        for (int c = 0; c < 3; ++c) problem.inverse_diagonal.set(c * grid.nodes() + grid.node(i, j, k), 0.0F);
       });
   });
 }

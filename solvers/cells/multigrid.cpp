@@ -106,7 +106,7 @@ void match(GridLevel& coarse, const GridLevel& fine) {
     for (std::size_t i = node; i < coarse.size(); i += nodes) {
       if (!coarse.is_free(i)) continue;
       coarse.added.emplace_back(i, (softer - 1.0F) / coarse.inverse_diagonal[i]);
-      coarse.inverse_diagonal[i] /= softer;
+      coarse.inverse_diagonal.set(i, coarse.inverse_diagonal[i] / softer);
     }
   }
 }
@@ -139,7 +139,7 @@ void Multigrid::multiply(std::size_t l, Dilatation dilatation) {
 
 /// x += a polynomial of b - K x (chebyshev_steps).
 void Multigrid::smooth(std::size_t l, bool from_zero, Dilatation dilatation) {
-  const float* inverse = grids_[l]->inverse_diagonal.data();
+  const ShortNumbers& inverse = grids_[l]->inverse_diagonal;
   Work& w = work_[l];
   const auto steps = chebyshev_steps();
   for (std::size_t s = 0; s < steps.size(); ++s) {
