@@ -72,9 +72,10 @@ Vec<3> middle_of(const LabelImage<3>& image, std::ptrdiff_t voxel) {
   return image.in_world(image.origin + at.cwiseProduct(image.spacing));
 }
 
-/// Why cells do not take a material as it is at a place; empty: they take it.
-std::string why_material_takes_mesh(const SharedMaterial& material, const Vec<3>& x) {
-  if (!material->homogeneous() && !is_isotropic(material, x)) return "anisotropic and differs from place to place";
+/// Why cells do not take a material as it is at the places `first` and x; empty: they take it.
+std::string why_material_takes_mesh(const SharedMaterial& material, const Vec<3>& first, const Vec<3>& x) {
+  if (!material->homogeneous() && !is_isotropic(material, x) && !is_multiple(material, first, x))
+    return "anisotropic and differs from place to place by more than a factor";
   const MaterialResponse response = respond(*material, Deformation::none(Points<3>(x), material->history_size()), true);
   return incompressibility(response.tangent_at(0)) > bearable_on_cells ? "nearly incompressible" : "";
 }
@@ -90,11 +91,13 @@ std::string why_materials_take_mesh(const ImageResult& result) {
     const SharedMaterial& material = result.materials[region];
     const std::int64_t step = material->homogeneous() ? count.pixels : std::max<std::int64_t>(1, count.pixels / looks);
     auto voxel = image.labels.begin();
+    std::optional<Vec<3>> first;
     for (std::int64_t seen = 0; seen < count.pixels; ++seen, ++voxel) {
       voxel = std::find(voxel, image.labels.end(), count.label);
       if (seen % step != 0) continue;
-      if (const std::string why = why_material_takes_mesh(material, middle_of(image, voxel - image.labels.begin()));
-          !why.empty())
+      const Vec<3> middle = middle_of(image, voxel - image.labels.begin());
+      if (!first) first = middle;
+      if (const std::string why = why_material_takes_mesh(material, *first, middle); !why.empty())
         return fmt::format("the material of the region \"{}\" is {}", result.regions[region], why);
       if (step == count.pixels) break;
     }

@@ -47,9 +47,9 @@ std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>&
 
 /// The answer, on a grid as fine as the source says; where it says nothing of two voxels, and half of that again and
 /// again until the error is bearable. Nothing if a mesh has to do it: settings that are not for cells, a material that
-/// is anisotropic and differs from place to place or nearly incompressible, normal displacements inside; as the monitor
-/// hears. Parts of the boundary are faces of voxels (ImageBoundary). Stages: image, assembly, solve, output. Throws as
-/// prepare and solve_on_cells, and InputError instead of nothing with OnCells::always.
+/// is anisotropic and differs from place to place by more than a factor, or nearly incompressible, normal displacements
+/// inside; as the monitor hears. Parts of the boundary are faces of voxels (ImageBoundary). Stages: image, assembly,
+/// solve, output. Throws as prepare and solve_on_cells, and InputError instead of nothing with OnCells::always.
 std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& settings,
                                          const Monitor& monitor = {});
 

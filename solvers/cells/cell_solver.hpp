@@ -16,6 +16,8 @@ namespace efree {
 
 /// Whether a material is isotropic at X, as cells take it. Throws InputError for none.
 bool is_isotropic(const SharedMaterial& material, const Vec<3>& X);
+/// Whether the stiffness of a material at Y is that at X times a factor.
+bool is_multiple(const SharedMaterial& material, const Vec<3>& X, const Vec<3>& Y);
 
 /// Bulk over shear modulus up to which cells can be solved: that of nu = 0.499.
 inline constexpr double bearable_on_cells = 500.0;
@@ -99,9 +101,9 @@ struct CellSolution {
 /// gradients preconditioned by geometric multigrid, a Chebyshev polynomial over the diagonal as smoother (Adams,
 /// Brezina, Hu & Tuminaro 2003); each coarser grid is solved first and hands its answer up (Brandt 1977).
 ///
-/// `materials` by label, void 0 left out of account; what differs from place to place is isotropic and taken at the
-/// middle of each octant (of more than two voxels a side: at points two voxels apart, and their mean). Anisotropic
-/// materials are homogeneous; iterations grow as the root of the ratio between their largest and smallest stiffness.
+/// `materials` by label, void 0 left out of account; what differs from place to place is taken at the middle of
+/// each octant (of more than two voxels a side: at points two voxels apart, and their mean). Anisotropic materials
+/// differ by a factor at most; iterations grow as the root of the ratio between their largest and smallest stiffness.
 /// Where nu > 0.4 somewhere, pressures are of the mean dilatation of each cell (Malkus & Hughes 1978); iterations grow
 /// as the square root of bulk over shear modulus. Conditions and loads are on faces of voxels that bound the material:
 /// the sides of the frame, "pores", or CellOptions::parts. Displacements are set at the grid's points within half a
@@ -111,10 +113,10 @@ struct CellSolution {
 /// holds and nothing loads do not count. Bitwise the same on any number of threads; memory: cell_memory.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
-/// or with one that is anisotropic and differs from place to place, parts of the boundary that are none or empty,
-/// displacements that contradict each other, pressures that follow the body, mass forces without a density for every
-/// label (Loads::density, by label), a body that is loaded but not held, or too little memory; NumericalError if the
-/// iterations break down or do not end.
+/// or with one that is anisotropic and differs from place to place by more than a factor, parts of the boundary that
+/// are none or empty, displacements that contradict each other, pressures that follow the body, mass forces without a
+/// density for every label (Loads::density, by label), a body that is loaded but not held, or too little memory;
+/// NumericalError if the iterations break down or do not end.
 ///
 /// One solution for each load case, with one hierarchy of grids.
 std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,

@@ -31,6 +31,13 @@ std::optional<Isotropic> isotropic(const MaterialResponse::Tangent& A) {
   return one;
 }
 
+/// How many times A is B, if it is a multiple of it.
+std::optional<double> factor_between(const MaterialResponse::Tangent& A, const MaterialResponse::Tangent& B) {
+  const double factor = (A.array() * B.array()).sum() / A.squaredNorm();
+  if (!((B - factor * A).norm() <= 1e-9 * B.norm())) return {};
+  return factor;
+}
+
 /// At a point of each column.
 MaterialResponse tangents(const Material& material, Points<3> X) {
   return respond(material, Deformation::none(std::move(X), material.history_size()), true);
@@ -40,6 +47,10 @@ MaterialResponse tangents(const Material& material, Points<3> X) {
 
 bool is_isotropic(const SharedMaterial& material, const Vec<3>& X) {
   return isotropic(tangents(*material, X).tangent_at(0)).has_value();
+}
+
+bool is_multiple(const SharedMaterial& material, const Vec<3>& X, const Vec<3>& Y) {
+  return factor_between(tangents(*material, X).tangent_at(0), tangents(*material, Y).tangent_at(0)).has_value();
 }
 
 namespace internal {
@@ -81,17 +92,18 @@ std::vector<float> averages_in_layers(const BoxAverages& averages, BoxRange rang
   return all;
 }
 
-/// Adds the stiffness of a material that varies in space to the parts of layers of boxes, from `layer` on; `share` is
-/// how much of it there is.
-void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
-                 const std::array<Index, 3>& boxes, Index layer, const std::vector<float>& share, Parts& parts) {
+/// Calls take(box, response, X) for boxes with a `share`, of layers of them from `layer` on, with what a material does
+/// at the places X: of a small box its middle, else points up to two voxels apart.
+template <class Take> void at_points_of(const LabelImage<3>& image, const Material& material,
+                                        const std::array<Index, 3>& boxes, Index layer, const std::vector<float>& share,
+                                        const Take& take) {
   Vec<3> edges;
-  std::array<Index, 3> samples;  // along each axis of a part
+  std::array<Index, 3> samples;  // along each axis of a box
   for (int d = 0; d < 3; ++d) {
     edges[d] = image.size[d] * image.spacing[d] / boxes[d];
     samples[d] = std::max(1, static_cast<int>(std::ceil(edges[d] / (2.0 * image.spacing[d]) - 1e-9)));
   }
-  const Index of_part = samples[0] * samples[1] * samples[2];
+  const Index of_box = samples[0] * samples[1] * samples[2];
   const auto rows = static_cast<Index>(share.size() / boxes[0]);
   parallel_chunks(rows, 16, [&](Index begin, Index end) {
     for (Index row = begin; row < end; ++row) {
@@ -100,36 +112,65 @@ void add_varying(const LabelImage<3>& image, Label label, const Material& materi
       for (Index i = 0; i < boxes[0]; ++i)
         if (share[first + i] > 0.0F) there.push_back(i);
       if (there.empty()) continue;
-      Points<3> X(3, of_part * static_cast<Index>(there.size()));
+      Points<3> X(3, of_box * static_cast<Index>(there.size()));
       Index p = 0;
       for (const Index i : there)
-        for (Index s = 0; s < of_part; ++s, ++p) {
-          const std::array<Index, 3> part{i, row % boxes[1], layer + row / boxes[1]},
+        for (Index s = 0; s < of_box; ++s, ++p) {
+          const std::array<Index, 3> box{i, row % boxes[1], layer + row / boxes[1]},
               sample{s % samples[0], s / samples[0] % samples[1], s / samples[0] / samples[1]};
-          for (int d = 0; d < 3; ++d) X(d, p) = image.origin[d] + edges[d] * (part[d] + (sample[d] + 0.5) / samples[d]);
+          for (int d = 0; d < 3; ++d) X(d, p) = image.origin[d] + edges[d] * (box[d] + (sample[d] + 0.5) / samples[d]);
           X.col(p) = image.in_world(X.col(p));
         }
       const MaterialResponse response = tangents(material, X);
       for (std::size_t k = 0; k < there.size(); ++k) {
-        Isotropic sum{0.0, 0.0};
-        for (Index s = 0; s < of_part; ++s) {
-          p = static_cast<Index>(k) * of_part + s;
-          const auto here = isotropic(response.tangent_at(p));
-          if (!here)
-            throw InputError(
-                fmt::format("on cells materials that differ from place to place are isotropic; that of label {} is not "
-                            "at ({:.6g}, {:.6g}, {:.6g})",
-                            label, X(0, p), X(1, p), X(2, p)));
-          sum.shear += here->shear;
-          sum.across += here->across;
-        }
-        const std::size_t at = first + there[k];
-        const double weight = share[at] / (of_part * unit);
-        parts.shear[at] += static_cast<float>(weight * sum.shear);
-        parts.across[at] += static_cast<float>(weight * sum.across);
+        const Index from = static_cast<Index>(k) * of_box;
+        take(first + there[k], response, from, from + of_box, X);
       }
     }
   });
+}
+
+/// Adds the stiffness of a material that varies in space to the parts of layers of boxes, from `layer` on; `share` is
+/// how much of it there is.
+void add_varying(const LabelImage<3>& image, Label label, const Material& material, double unit,
+                 const std::array<Index, 3>& boxes, Index layer, const std::vector<float>& share, Parts& parts) {
+  at_points_of(image, material, boxes, layer, share,
+               [&](std::size_t box, const MaterialResponse& response, Index from, Index to, const Points<3>& X) {
+                 Isotropic sum{0.0, 0.0};
+                 for (Index p = from; p < to; ++p) {
+                   const auto here = isotropic(response.tangent_at(p));
+                   if (!here)
+                     throw InputError(fmt::format(
+                         "on cells materials that differ from place to place by more than a factor are isotropic; that "
+                         "of label {} is not at ({:.6g}, {:.6g}, {:.6g})",
+                         label, X(0, p), X(1, p), X(2, p)));
+                   sum.shear += here->shear;
+                   sum.across += here->across;
+                 }
+                 const double weight = share[box] / ((to - from) * unit);
+                 parts.shear[box] += static_cast<float>(weight * sum.shear);
+                 parts.across[box] += static_cast<float>(weight * sum.across);
+               });
+}
+
+/// Multiplies how much of an anisotropic material there is with its factor.
+void scale_varying(const LabelImage<3>& image, const AnisotropicLabels& of, const std::array<Index, 3>& boxes,
+                   Index layer, std::vector<float>& share) {
+  const MaterialResponse there = tangents(*of.varying, of.place);
+  at_points_of(image, *of.varying, boxes, layer, share,
+               [&](std::size_t box, const MaterialResponse& response, Index from, Index to, const Points<3>& X) {
+                 double sum = 0.0;
+                 for (Index p = from; p < to; ++p) {
+                   const auto factor = factor_between(there.tangent_at(0), response.tangent_at(p));
+                   if (!factor)
+                     throw InputError(fmt::format(
+                         "on cells anisotropic materials differ from place to place by a factor; that of label {} does "
+                         "by more at ({:.6g}, {:.6g}, {:.6g})",
+                         of.labels.front(), X(0, p), X(1, p), X(2, p)));
+                   sum += *factor;
+                 }
+                 share[box] *= static_cast<float>(sum / (to - from));
+               });
 }
 
 /// Scales how much of materials is in boxes to what is there of all of them: where more than two meet, the boundaries
@@ -187,18 +228,19 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
     solid[count.label] = 1.0F;
     const MaterialResponse response = tangents(*material, place);
     if (!isotropic(response.tangent_at(0))) {
-      if (!material->homogeneous())
-        throw InputError(fmt::format(
-            "on cells anisotropic materials are the same everywhere; that of label {} differs from place to place",
-            count.label));
       const VoigtMatrix<3> along_image = rotate_to_axes(there, image.axes);
-      const auto same = std::ranges::find(anisotropic, along_image, &AnisotropicLabels::C);
-      if (same != anisotropic.end()) {
+      const auto same = std::ranges::find_if(
+          anisotropic, [&](const AnisotropicLabels& of) { return !of.varying && of.C == along_image; });
+      if (material->homogeneous() && same != anisotropic.end()) {
         same->labels.push_back(count.label);
         continue;
       }
       const bool nearly_incompressible = incompressibility(response.tangent_at(0)) > locking;
-      anisotropic.push_back({{count.label}, along_image, isotropic_part(along_image, nearly_incompressible)});
+      anisotropic.push_back({{count.label},
+                             along_image,
+                             isotropic_part(along_image, nearly_incompressible),
+                             place,
+                             material->homogeneous() ? SharedMaterial{} : material});
       unit = std::max(unit, anisotropic.back().isotropic.shear);
       continue;
     }
@@ -220,6 +262,11 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
     of.C /= unit;
     of.isotropic = {of.isotropic.shear / unit, of.isotropic.across / unit};
   }
+}
+
+bool LabelStiffness::varies() const {
+  return !varying.empty() ||
+         std::ranges::any_of(anisotropic, [](const AnisotropicLabels& of) { return bool(of.varying); });
 }
 
 std::vector<VoigtMatrix<3>> LabelStiffness::anisotropy() const {
@@ -288,6 +335,9 @@ Parts PartsOfImage::layers(Index begin, Index end) const {
   else
     parallel_chunks(static_cast<Index>(present.size()), 1, [&](Index p, Index) { average(present[p]); });
   if (all_anisotropic_) share_out(all_anisotropic_->layers(2 * begin, 2 * end), parts.shares);
+  for (const std::size_t m : present)
+    if (const AnisotropicLabels& of = stiffness_.anisotropic[m]; of.varying)
+      scale_varying(image_, of, boxes_, 2 * begin, parts.shares[m]);
   add_isotropic_parts(stiffness_.anisotropic, parts);
   return parts;
 }

@@ -430,7 +430,7 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
     const auto ratio = before[0] > 0 ? internal::halvings(before, n) : std::nullopt;
     if (ratio) {
       for (std::vector<float>* of : values) *of = internal::halved(*of, before, *ratio);
-    } else if (!options.smooth && stiffness.varying.empty()) {
+    } else if (!options.smooth && !stiffness.varies()) {
       const CellCounts boxes{2 * n[0], 2 * n[1], 2 * n[2]};
       parts.shear = voxel_averages(image, stiffness.shear, boxes);
       parts.across = voxel_averages(image, stiffness.across, boxes);

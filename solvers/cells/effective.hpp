@@ -70,8 +70,8 @@ void estimate_grid_error(EffectiveTensor& result, const std::function<double(std
 /// the same on any number of threads; memory: about 500 bytes to a cell, and 40 for each anisotropic material.
 ///
 /// Stages: assembly, solve. Throws InputError for a broken image, a label without material or with one that is
-/// anisotropic and differs from place to place, an image that is all void, void at the frame under uniform tractions,
-/// or too little memory; NumericalError if the iterations break down or do not end.
+/// anisotropic and differs from place to place by more than a factor, an image that is all void, void at the frame
+/// under uniform tractions, or too little memory; NumericalError if the iterations break down or do not end.
 EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
                                     const EffectiveOptions& options = {}, const Monitor& monitor = {});
 

@@ -200,7 +200,6 @@ void require_held(const CellProblem& problem, const CellBodies& bodies, const Co
   }
 }
 /// Takes the bodies without conditions out of the unknowns.
-/// Takes the bodies without a of_body out of the unknowns.
 void leave_out(CellProblem& problem, const CellBodies& bodies, const ConditionsByBody& conditions,
                const std::vector<std::int64_t>& sizes, BodiesOnGrid& found) {
   std::int64_t all = 0, out = 0, most = 0;

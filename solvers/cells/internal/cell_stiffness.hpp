@@ -17,11 +17,13 @@ namespace efree::internal {
 /// Values by label, as averages over boxes take them: 1 of these, 0 of others.
 std::vector<float> ones_of(const std::vector<Label>& labels);
 
-/// A homogeneous anisotropic material and the labels that have it.
+/// An anisotropic material and the labels that have it.
 struct AnisotropicLabels {
   std::vector<Label> labels;
-  VoigtMatrix<3> C;              ///< along the image's axes
+  VoigtMatrix<3> C;              ///< along the image's axes, at `place`
   IsotropicStiffness isotropic;  ///< isotropic_part
+  Vec<3> place;                  ///< in the world
+  SharedMaterial varying{};      ///< of one label, C times a factor that differs from place to place; null: homogeneous
 };
 
 /// Stiffness of the labels, C_xyxy and C_xxyy, in units of the largest C_xyxy (where it varies: of that at some point;
@@ -33,9 +35,10 @@ struct LabelStiffness {
   std::vector<AnisotropicLabels> anisotropic;             ///< of different stiffness
   double unit = 0.0;                                      ///< [stress]
 
-  /// Throws InputError for a label without material or with one that is anisotropic and differs from place to place, or
-  /// an image that is all void.
+  /// Throws InputError for a label without material, or an image that is all void.
   LabelStiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials);
+  /// Whether any material differs from place to place.
+  bool varies() const;
   /// What anisotropic materials have beyond their isotropic parts.
   std::vector<VoigtMatrix<3>> anisotropy() const;
 };
@@ -46,8 +49,9 @@ class PartsOfImage {
   /// Of a grid of so many cells. `grown` as of box_averages.
   PartsOfImage(const LabelImage<3>& image, const LabelStiffness& stiffness, const std::array<Index, 3>& cells,
                double grown);
-  /// Of the layers [begin, end) of cells: of anisotropic materials the isotropic parts, and the shares. Throws
-  /// InputError for a material that varies and is not isotropic somewhere.
+  /// Of the layers [begin, end) of cells: of anisotropic materials the isotropic parts, and the shares, times the
+  /// factor by which they vary. Throws InputError for a material that varies by more than a factor and is not isotropic
+  /// somewhere.
   Parts layers(Index begin, Index end) const;
   /// Of the labels, as whole parts have them; none where they vary.
   const std::vector<PartStiffness>& exact() const { return exact_; }
