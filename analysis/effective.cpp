@@ -29,6 +29,9 @@ constexpr double none_of_mean = 1e-6;
 /// Distance from a class of symmetry that counts as none.
 constexpr double class_tolerance = 0.01;
 
+/// Share of a side of the frame that faces void, from which on a body is not periodic.
+constexpr double not_periodic = 0.01;
+
 /// What each label is made of: materials, or conductivities.
 struct Phases {
   std::vector<SharedMaterial> materials;
@@ -265,13 +268,12 @@ SubvolumeStatistics statistics_of_subvolumes(const EffectiveSettings& settings, 
   return result;
 }
 
-/// Of a unit cell on one mesh.
+/// Of a unit cell on one mesh; sets what it found.
 EffectiveLevel level_on(const EffectiveSettings& settings, const PreparedMesh<3>& prepared, BasisKind kind,
-                        Matrix& mean) {
+                        UnitCellTensor& found) {
   const internal::Stopwatch seconds;
   const FineMesh<3>& mesh = *prepared.mesh;
   const Approximation<3> elements = approximate(prepared.mesh, {.kind = kind, .dilatation = Dilatation::pointwise});
-  UnitCellTensor found;
   if (settings.property == EffectiveProperty::stiffness) {
     found = effective_stiffness(elements, Materials<3>(prepared.materials, Plane::strain), settings.frame);
   } else {
@@ -279,7 +281,6 @@ EffectiveLevel level_on(const EffectiveSettings& settings, const PreparedMesh<3>
     for (const std::string& name : mesh.region_names()) by_region.push_back(conductivity_of(settings, name));
     found = effective_conductivity(elements, by_region, settings.frame);
   }
-  mean = found.mean;
   const double edge = internal::mean_edge(mesh);
   return {.edges = Vec<3>::Constant(edge), .cells = mesh.num_cells(), .tensor = found.tensor, .seconds = seconds()};
 }
@@ -359,6 +360,7 @@ EffectiveResult find_effective(const EffectiveSettings& settings, const MeshSour
   common.approximation.kind = BasisKind::p2;
   if (settings.property == EffectiveProperty::conductivity) common.model.material = LinearElastic(1.0, 0.0);
   std::optional<PreparedMesh<3>> finest;
+  UnitCellTensor on_finest;
   for (const double coarser : {4.0, 2.0, 1.0}) {
     MeshSource<3> of_size = source;
     of_size.size *= coarser;
@@ -374,8 +376,7 @@ EffectiveResult find_effective(const EffectiveSettings& settings, const MeshSour
                                                              prepared.mesh->num_cells())));
       }
       const Stage stage("solve", monitor);
-      result.tensor.levels.insert(result.tensor.levels.begin(),
-                                  level_on(settings, prepared, BasisKind::p2, result.tensor.mean));
+      result.tensor.levels.insert(result.tensor.levels.begin(), level_on(settings, prepared, BasisKind::p2, on_finest));
       finest = std::move(prepared);
     } catch (const InputError&) {
       if (coarser == 1.0) throw;  // too coarse for the geometry
@@ -384,14 +385,22 @@ EffectiveResult find_effective(const EffectiveSettings& settings, const MeshSour
     }
   }
   EffectiveTensor& found = result.tensor;
-  found.tensor = found.levels.front().tensor;
+  found.tensor = on_finest.tensor;
+  found.mean = on_finest.mean;
+  if (monitor.say)
+    for (const int axis : on_finest.coupled_axes)
+      monitor.say(fmt::format("opposite sides along {} have other meshes: periodic by Nitsche's method", "xyz"[axis]));
+  if (on_finest.uncovered > not_periodic)
+    result.warnings.push_back(fmt::format(
+        "the tensor may not be that of a periodic body: on opposite sides of the frame up to {:.2g} % of the "
+        "area is material with void opposite, which is free",
+        100.0 * on_finest.uncovered));
   const auto coarsening = [&](std::size_t a, std::size_t b) {
     return std::cbrt(static_cast<double>(found.levels[a].cells) / found.levels[b].cells);
   };
   estimate_grid_error(found, coarsening, false, 1.0);
   if (coarsening(0, found.levels.size() - 1) < 1.6) {  // the file has its mesh
-    Matrix mean;
-    const Matrix linear = level_on(settings, *finest, BasisKind::p1, mean).tensor;
+    const Matrix linear = level_on(settings, *finest, BasisKind::p1, on_finest).tensor;
     found.grid_error = (linear - found.tensor).norm() / std::max(found.tensor.norm(), 1e-300);
     result.warnings.emplace_back(
         "there is no coarser mesh of this geometry: the error is the distance from linear elements, which is far more "
