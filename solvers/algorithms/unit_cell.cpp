@@ -119,10 +119,39 @@ struct UnitCellProblem {
   Matrix mean;        ///< stiffness averaged over the frame
 };
 
+/// UnitCellTensor::facet_change of fields w, by unit mean gradients: of all of the field.
+template <int Dim> Matrix facet_change(const FineSpace<Dim>& space, const Frame<Dim>& frame, int components,
+                                       const internal::TractionOperator<Dim>& traction, const Matrix& units,
+                                       const Matrix& w, const Vector& shifts) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const SimplexRule<Dim - 1>& rule = space.facet_rule();
+  Matrix change = Matrix::Zero(w.cols(), w.cols());
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (shifts[f] == 0.0 || frame.side_of(mesh, f) >= 0) continue;
+    const Index cell = mesh.facet_cell(f);
+    const auto dofs = space.cell(cell);
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = space.facet_point(f, rule.points.col(q));
+      const auto dN = space.gradients(cell, at);
+      Matrix gradient = units;
+      for (std::size_t i = 0; i < dofs.size(); ++i)
+        for (int c = 0; c < components; ++c)
+          gradient.middleRows<Dim>(c * Dim) += dN.col(static_cast<Index>(i)) * w.row(components * dofs[i] + c);
+      const double weight = shifts[f] * mesh.facet_measure(f) * rule.weights[q] / frame.volume();
+      for (int axis = 0; axis < Dim; ++axis) {
+        const Matrix along = gradient(Eigen::seqN(axis, components, Dim), Eigen::all);
+        change += weight * along.transpose() * (traction(mesh.region(cell), space.position(cell, at), axis) * gradient);
+      }
+    }
+  }
+  return change;
+}
+
 /// The tensor, on a periodic frame with opposite sides that are the same or coupled.
 template <int Dim> UnitCellTensor tensor_of(const FineSpace<Dim>& space, const Frame<Dim>& frame,
                                             FrameCondition condition, UnitCellProblem problem,
-                                            const internal::TractionOperator<Dim>& traction, const Matrix& units) {
+                                            const internal::TractionOperator<Dim>& traction, const Matrix& units,
+                                            const Vector& shifts) {
   constexpr double held = 1e-10;  // of the diagonal
   UnitCellTensor found{.tensor = {}, .mean = problem.mean};
   std::vector<std::array<Index, 2>> same;
@@ -164,6 +193,11 @@ template <int Dim> UnitCellTensor tensor_of(const FineSpace<Dim>& space, const F
     found.tensor = problem.mean - work;
   found.tensor = Matrix(0.5 * (found.tensor + found.tensor.transpose()));
   if (!found.tensor.allFinite()) throw NumericalError("the effective tensor is not finite");
+  if (shifts.size() > 0)
+    found.facet_change = condition == FrameCondition::uniform
+                             ? facet_change<Dim>(space, frame, problem.components, traction,
+                                                 Matrix::Zero(units.rows(), units.cols()), w * found.tensor, shifts)
+                             : facet_change<Dim>(space, frame, problem.components, traction, units, w, shifts);
   return found;
 }
 
@@ -208,7 +242,8 @@ template <int Dim> Matrix unit_strains() {
 }  // namespace
 
 template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& elements,
-                                                      const Materials<Dim>& materials, FrameCondition condition) {
+                                                      const Materials<Dim>& materials, FrameCondition condition,
+                                                      const Vector& facet_shifts) {
   require_elements(elements);
   const Discretization<Dim>& points = elements.quadrature;
   const Frame<Dim> frame(elements.space.mesh());
@@ -251,12 +286,12 @@ template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& 
                          .K = stiffness_matrix<Dim>(points, materials.tangents(points)),
                          .forces = std::move(forces),
                          .mean = std::move(mean)},
-                        traction, units);
+                        traction, units, facet_shifts);
 }
 
 template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim>& elements,
                                                          const std::vector<double>& conductivities,
-                                                         FrameCondition condition) {
+                                                         FrameCondition condition, const Vector& facet_shifts) {
   require_elements(elements);
   const FineSpace<Dim>& space = elements.space;
   const FineMesh<Dim>& mesh = space.mesh();
@@ -284,12 +319,16 @@ template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim
   return tensor_of<Dim>(
       space, frame, condition,
       {.components = 1, .K = std::move(K), .forces = std::move(forces), .mean = mean * Matrix::Identity(Dim, Dim)},
-      traction, Matrix::Identity(Dim, Dim));
+      traction, Matrix::Identity(Dim, Dim), facet_shifts);
 }
 
-template UnitCellTensor effective_stiffness<2>(const Approximation<2>&, const Materials<2>&, FrameCondition);
-template UnitCellTensor effective_stiffness<3>(const Approximation<3>&, const Materials<3>&, FrameCondition);
-template UnitCellTensor effective_conductivity<2>(const Approximation<2>&, const std::vector<double>&, FrameCondition);
-template UnitCellTensor effective_conductivity<3>(const Approximation<3>&, const std::vector<double>&, FrameCondition);
+template UnitCellTensor effective_stiffness<2>(const Approximation<2>&, const Materials<2>&, FrameCondition,
+                                               const Vector&);
+template UnitCellTensor effective_stiffness<3>(const Approximation<3>&, const Materials<3>&, FrameCondition,
+                                               const Vector&);
+template UnitCellTensor effective_conductivity<2>(const Approximation<2>&, const std::vector<double>&, FrameCondition,
+                                                  const Vector&);
+template UnitCellTensor effective_conductivity<3>(const Approximation<3>&, const std::vector<double>&, FrameCondition,
+                                                  const Vector&);
 
 }  // namespace efree

@@ -306,6 +306,33 @@ TEST(UnitCell, OfHolesOnTheFrameIsThatOfTheArray) {
   }
 }
 
+/// A polygon in a round hole, and what is between them.
+TEST(UnitCell, ChangeFromFacetsToTheTrueSurfaceIsThatOfFinerFacets) {
+  constexpr double r = 0.3;
+  const Vec<2> centre(0.5, 0.5);
+  const auto with_corners = [&](int corners) {
+    const double turn = 2.0 * std::numbers::pi / corners;
+    return triangulate(
+        {.boundary = {uneven_square(), {"hole", polygon(centre, r * std::sqrt(std::sin(turn) / turn), corners)}}},
+        {.size = 0.03});
+  };
+  const FineMesh<2> coarse = with_corners(24), fine = with_corners(480);
+  Vector shifts = Vector::Zero(coarse.num_facets());
+  for (const Index f : coarse.group("hole")) {
+    const Vec<2> a = coarse.vertex(coarse.facets()(0, f)) - centre, b = coarse.vertex(coarse.facets()(1, f)) - centre;
+    shifts[f] = (a.norm() + b.norm() + 4.0 * (0.5 * (a + b)).norm()) / 6.0 - r;  // the hole grows
+  }
+  const auto elements = approximate(coarse, {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise});
+  const std::vector<SharedMaterial> material{LinearElastic(1.0, 0.3)};
+  // Bodies with a frame that can bear tractions.
+  for (const FrameCondition frame : {FrameCondition::periodic, FrameCondition::kinematic, FrameCondition::uniform}) {
+    const UnitCellTensor C = effective_stiffness<2>(elements, Materials<2>(material, Plane::strain), frame, shifts),
+                         k = effective_conductivity<2>(elements, {2.5}, frame, shifts);
+    EXPECT_LT(off(C.facet_change, stiffness_of<2>(fine, material, frame) - C.tensor), 0.06);
+    EXPECT_LT(off(k.facet_change, conductivity_of<2>(fine, {2.5}, frame) - k.tensor), 0.06);
+  }
+}
+
 /// Cubes of another material around the corners of the frame.
 TEST(UnitCell, OfCubesOnSidesWithOtherMeshesIsAsExactAsOnMatchingOnes) {
   const auto corners = [](const Vec<3>& x) { return ((x.array() - 0.5).abs() > 0.25).all() ? 1 : 0; };
