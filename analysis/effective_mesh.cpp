@@ -27,6 +27,15 @@ using internal::EffectivePhase, internal::said_at;
 /// Share of a side of the frame that faces void, from which on a body is not periodic.
 constexpr double not_periodic = 0.01;
 
+/// Cells of a mesh whose size is not said: in space a tensor takes 20 s then.
+template <int Dim> constexpr double natural_cells = Dim == 2 ? 1e6 : 2e4;
+
+/// Bytes that the factor takes for each cell: in space of a cube of 47,000 cells whose opposite sides have other meshes
+/// (6.3 GB), and a ninth of that for one unknown to a node.
+template <int Dim> constexpr double bytes_of_factor(EffectiveProperty property) {
+  return Dim == 2 ? 10e3 : property == EffectiveProperty::stiffness ? 140e3 : 16e3;
+}
+
 /// The plane of a stiffness; means nothing in space and of a conductivity. Throws InputError if it is not said.
 template <int Dim> Plane plane_of(const EffectiveSettings<Dim>& settings) {
   if (Dim == 3 || settings.property == EffectiveProperty::conductivity) return Plane::strain;
@@ -129,8 +138,8 @@ double error_of_irregular_levels(const EffectiveTensor& tensor, const std::funct
 
 }  // namespace
 
-template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& settings, const MeshSource<Dim>& source,
-                                                  const Monitor& monitor_of_run) {
+template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& settings,
+                                                  const MeshSource<Dim>& as_asked, const Monitor& monitor_of_run) {
   EffectiveResult result{.dim = Dim, .tensor = {}, .on_mesh = true};
   const Monitor monitor = monitor_of_run.timing(result.times);
   const auto say = [&](const std::string& remark) {
@@ -139,13 +148,20 @@ template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& 
   CommonSettings<Dim> common = settings.common;
   common.approximation.kind = BasisKind::p2;
   if (settings.property == EffectiveProperty::conductivity) common.model.material = LinearElastic(1.0, 0.0);
-  const PreparedMesh<Dim> finest = internal::prepare_mesh<Dim>(source, common, nullptr, monitor);
+  MeshSource<Dim> source = as_asked;
+  PreparedMesh<Dim> finest = internal::prepare_mesh<Dim>(source, common, nullptr, monitor);
+  if (const double excess = static_cast<double>(finest.mesh->num_cells()) / natural_cells<Dim>;
+      excess > 1.0 && !source.says_its_size()) {
+    source = coarsened(source, std::pow(excess, 1.0 / Dim));
+    finest = internal::prepare_mesh<Dim>(source, common, nullptr, monitor);
+  }
   for (const std::string& remark : finest.remarks) say(remark);
-  if (!internal::has_memory_for_quadratic_elements(*finest.mesh))
-    throw InputError(
-        said_at(source.where, fmt::format("{} quadratic cells take more memory than there is: take a larger "
-                                          "geometry.mesh_size",
-                                          finest.mesh->num_cells())));
+  const double bytes = bytes_of_factor<Dim>(settings.property) * static_cast<double>(finest.mesh->num_cells());
+  if (bytes > internal::usable_memory * available_memory())
+    throw InputError(said_at(source.where,
+                             fmt::format("{} quadratic cells take {:.0f} GB of memory, {:.0f} GB are available: take a "
+                                         "larger geometry.mesh_size",
+                                         finest.mesh->num_cells(), 1e-9 * bytes, 1e-9 * available_memory())));
   const auto solve_within = [&](const PreparedMesh<Dim>& prepared, BasisKind kind) {
     const Stage stage("solve", monitor);
     return solve_on(settings, prepared, kind);

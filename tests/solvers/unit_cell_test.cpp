@@ -359,6 +359,22 @@ TEST(UnitCell, WithCoupledSidesIsBitwiseTheSameOnAnyNumberOfThreads) {
   EXPECT_EQ(alone, together);
 }
 
+/// Facets on both sides across x, none of which has another one opposite: columns that do not touch.
+TEST(UnitCell, OfSidesWhoseFacetsHaveVoidOppositeHasNoStiffnessAcrossThem) {
+  const FineMesh<2> mesh = triangulate(
+      {.boundary = {{"all", {{0, 0}, {1, 0}, {0.6, 0.35}, {1, 0.7}, {1, 1}, {0, 1}, {0.4, 0.65}, {0, 0.3}, {0, 0}}}}},
+      {.size = 0.1});
+  const auto elements = approximate(mesh, {.kind = BasisKind::p2, .dilatation = Dilatation::pointwise});
+  const UnitCellTensor C = effective_stiffness<2>(elements, Materials<2>({LinearElastic(1.0, 0.3)}, Plane::strain),
+                                                  FrameCondition::periodic);
+  EXPECT_DOUBLE_EQ(C.uncovered, 1.0);
+  EXPECT_LT(C.tensor.row(0).cwiseAbs().maxCoeff(), 1e-8);
+  EXPECT_GT(C.tensor(1, 1), 0.1);
+  const Matrix k = conductivity_of<2>(mesh, {1.0});
+  EXPECT_LT(k.row(0).cwiseAbs().maxCoeff(), 1e-8);
+  EXPECT_GT(k(1, 1), 0.1);
+}
+
 TEST(UnitCell, RefusesSidesThatNothingLiesOn) {
   const std::vector<SharedMaterial> material{LinearElastic(1.0, 0.3)};
   const FineMesh<2> mesh = triangulate({.boundary = {uneven_square()}}, {.size = 0.15});
