@@ -138,8 +138,8 @@ double error_of_irregular_levels(const EffectiveTensor& tensor, const std::funct
 
 }  // namespace
 
-template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& settings,
-                                                  const MeshSource<Dim>& as_asked, const Monitor& monitor_of_run) {
+template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& settings, const MeshSource<Dim>& source,
+                                                  const Monitor& monitor_of_run) {
   EffectiveResult result{.dim = Dim, .tensor = {}, .on_mesh = true};
   const Monitor monitor = monitor_of_run.timing(result.times);
   const auto say = [&](const std::string& remark) {
@@ -148,12 +148,12 @@ template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& 
   CommonSettings<Dim> common = settings.common;
   common.approximation.kind = BasisKind::p2;
   if (settings.property == EffectiveProperty::conductivity) common.model.material = LinearElastic(1.0, 0.0);
-  MeshSource<Dim> source = as_asked;
   PreparedMesh<Dim> finest = internal::prepare_mesh<Dim>(source, common, nullptr, monitor);
+  double factor = 1.0;  // on the natural size
   if (const double excess = static_cast<double>(finest.mesh->num_cells()) / natural_cells<Dim>;
       excess > 1.0 && !source.says_its_size()) {
-    source = coarsened(source, std::pow(excess, 1.0 / Dim));
-    finest = internal::prepare_mesh<Dim>(source, common, nullptr, monitor);
+    factor = std::pow(excess, 1.0 / Dim);
+    finest = internal::prepare_mesh<Dim>(coarsened(source, factor), common, nullptr, monitor);
   }
   for (const std::string& remark : finest.remarks) say(remark);
   const double bytes = bytes_of_factor<Dim>(settings.property) * static_cast<double>(finest.mesh->num_cells());
@@ -180,7 +180,7 @@ template <int Dim> EffectiveResult find_effective(const EffectiveSettings<Dim>& 
     };
     try {
       const PreparedMesh<Dim> prepared =
-          internal::prepare_mesh<Dim>(coarsened(source, times), common, nullptr, monitor);
+          internal::prepare_mesh<Dim>(coarsened(source, factor * times), common, nullptr, monitor);
       result.tensor.levels.push_back(solve_within(prepared, BasisKind::p2).level);
     } catch (const InputError& error) {
       leave_out(error);

@@ -79,7 +79,8 @@ Outline<2> intersection(const Outline<2>& a, const Outline<2>& b) {
 }
 Outline<3> intersection(Outline<3> polygon, const Outline<3>& window) {
   for (std::size_t e = 0; e < window.size(); ++e) {
-    const Vec<2> from = window[e], along = window[(e + 1) % window.size()] - from;
+    const Vec<2>& from = window[e];
+    const Vec<2> along = window[(e + 1) % window.size()] - from;
     const auto inside = [&](const Vec<2>& x) { return along[0] * (x[1] - from[1]) - along[1] * (x[0] - from[0]); };
     Outline<3> kept;
     for (std::size_t i = 0; i < polygon.size(); ++i) {

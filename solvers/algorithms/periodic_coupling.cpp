@@ -24,9 +24,9 @@ class MatrixSum {
           entries_.emplace_back(dofs[i], dofs[j], local(static_cast<Index>(i), static_cast<Index>(j)));
     if (entries_.size() > most) flush();
   }
-  SymmetricMatrix take() {
+  const SymmetricMatrix& sum() {
     flush();
-    return std::move(sum_);
+    return sum_;
   }
 
  private:
@@ -154,7 +154,7 @@ template <int Dim> PeriodicCoupling couple_sides(const FineSpace<Dim>& space, co
       result.uncovered = std::max(result.uncovered, 1.0 - covered / all);
     }
   }
-  result.matrix = sum.take();
+  result.matrix = sum.sum();
   return result;
 }
 

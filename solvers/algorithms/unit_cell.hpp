@@ -44,11 +44,11 @@ struct UnitCellTensor {
 /// Throws InputError for an approximation that is not of finite elements, sides of the frame that no facet is on,
 /// uniform tractions on a frame that the mesh does not fill; NumericalError if the matrix cannot be factored.
 template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& elements,
-                                                      const Materials<Dim>& materials, FrameCondition frame,
+                                                      const Materials<Dim>& materials, FrameCondition condition,
                                                       const Vector& facet_shifts = {});
 /// Likewise of a conductor, `conductivities` by region of the mesh; under `uniform` the mean flux is applied.
 template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim>& elements,
                                                          const std::vector<double>& conductivities,
-                                                         FrameCondition frame, const Vector& facet_shifts = {});
+                                                         FrameCondition condition, const Vector& facet_shifts = {});
 
 }  // namespace efree
