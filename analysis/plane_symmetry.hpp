@@ -35,7 +35,7 @@ enum class PlaneSymmetryClass { isotropic, square, orthotropic, none };
 std::string text_of(PlaneSymmetryClass symmetry);
 
 /// Symmetry of a stiffness in the plane, from the parts of it that turn two and four times as fast as the axes
-/// (Verchery 1979; Vannucci 2018, ch. 4), and what the projection on each class leaves, relative to the norm.
+/// (Verchery 1979; Vannucci 2018), and what the projection on each class leaves, relative to the norm.
 struct PlaneSymmetry {
   double angle;  ///< of the first axis of orthotropy from x, in (-45, 45] degrees [radians]; 0 if x does about as well
   PlaneElasticTensor there;           ///< the stiffness in these axes

@@ -70,7 +70,7 @@ def kelvin_distance(a, b):
 
 
 def square_array(f, k):
-    """Conductivity of a square array of disks (Perrins, McKenzie & McPhedran 1979, eq. 14), matrix 1."""
+    """Conductivity of a square array of disks (Perrins, McKenzie & McPhedran 1979), matrix 1."""
     T = (1 + k) / (1 - k)
     return 1 - 2 * f / (T + f - 0.305827 * f**4 * T / (T * T - 1.402958 * f**8) - 0.013362 * f**8 / T)
 

@@ -170,7 +170,7 @@ EffectiveResult result_of_planar(const std::filesystem::path& file) {
   return find_effective(std::get<EffectiveCase<2>>(read_case(file)));
 }
 
-/// Insulated from each other by a series in the fraction of fibres (Perrins, McKenzie & McPhedran 1979, eq. 15).
+/// Stiffness: isotropic. Conductivity: a series in the fraction of fibres (Perrins, McKenzie & McPhedran 1979).
 TEST(EffectiveCase, OfAHexagonalArrayOfFibresIsIsotropicInThePlane) {
   const std::filesystem::path file = std::filesystem::path(EFREE_EXAMPLES) / "fibre_composite/case.toml";
   EffectiveCase<2> analysis = std::get<EffectiveCase<2>>(read_case(file));

@@ -265,7 +265,7 @@ TEST(UnitCell, DoesNotDependOnWhereTheFrameCutsInclusions) {
 }
 
 /// Halves of holes on two opposite sides, whose outlines differ. Rayleigh's square array by Perrins, McKenzie &
-/// McPhedran (1979), eq. 14.
+/// McPhedran (1979).
 TEST(UnitCell, OfHolesOnTheFrameIsThatOfTheArray) {
   const double r = 0.3, f = std::numbers::pi * r * r,
                exact = 1.0 - 2.0 * f /
