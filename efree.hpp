@@ -9,6 +9,7 @@
 #include "efree/analysis/elastic_symmetry.hpp"
 #include "efree/analysis/image_analysis.hpp"
 #include "efree/analysis/mesh_source.hpp"
+#include "efree/analysis/plane_symmetry.hpp"
 #include "efree/analysis/prepare.hpp"
 #include "efree/analysis/result.hpp"
 #include "efree/analysis/settings.hpp"

@@ -108,7 +108,7 @@ template <int Dim> void compare(const Case<Dim>&, const Options& options, Displa
       options.case_file));
 }
 
-void compare(const EffectiveCase&, const Options& options, Display&) {
+template <int Dim> void compare(const EffectiveCase<Dim>&, const Options& options, Display&) {
   throw InputError(fmt::format(
       "{}: methods of explicit dynamics are compared, and this case is of effective properties", options.case_file));
 }
@@ -137,7 +137,7 @@ template <int Dim> DynamicsCase<Dim> with_options(DynamicsCase<Dim> dynamics_cas
   return dynamics_case;
 }
 
-EffectiveCase with_options(EffectiveCase analysis, const Options& options) {
+template <int Dim> EffectiveCase<Dim> with_options(EffectiveCase<Dim> analysis, const Options& options) {
   if (!options.accuracy.empty() || options.time_limit > 0.0)
     throw InputError(
         fmt::format("{}: --accuracy and --time-limit mean nothing for effective properties, whose error is reported: "

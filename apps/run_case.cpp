@@ -256,9 +256,9 @@ template <int Dim> class ExplicitRun final : public CaseRun {
   DynamicsRun<Dim> record_;
 };
 
-class EffectiveRun final : public CaseRun {
+template <int Dim> class EffectiveRun final : public CaseRun {
  public:
-  EffectiveRun(const EffectiveCase& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
+  EffectiveRun(const EffectiveCase<Dim>& analysis, const RunOptions& options) : case_(analysis), options_(options) {}
 
   const std::string& title() const override { return case_.common.title; }
   std::vector<std::string> stages() const override { return {"image", "mesh", "solve", "subvolumes"}; }
@@ -267,12 +267,12 @@ class EffectiveRun final : public CaseRun {
 
   RunEnd run(OutputDirectory& out, const Monitor& monitor, Display& display) override {
     if (options_.resume) throw InputError("--resume means nothing for effective properties: leave it out");
-    const EffectiveResult result = find_effective(case_, monitor);
-    for (const std::string& line : describe_effective(case_, result)) monitor.say(line);
+    const EffectiveResult result = find_effective<Dim>(case_, monitor);
+    for (const std::string& line : describe_effective<Dim>(case_, result)) monitor.say(line);
     say_warnings(result.warnings, display);
     if (!options_.no_picture)
-      if (const std::string none = draw_directions(out, case_, result); !none.empty()) monitor.say(none);
-    write_effective_result(out.file("result.json"), case_, result);
+      if (const std::string none = draw_directions(out, case_.property, result); !none.empty()) monitor.say(none);
+    write_effective_result<Dim>(out.file("result.json"), case_, result);
     return {.has_results = true};
   }
   bool save(OutputDirectory&) override { return false; }
@@ -280,7 +280,7 @@ class EffectiveRun final : public CaseRun {
   void remove_unfinished() override {}
 
  private:
-  const EffectiveCase& case_;
+  const EffectiveCase<Dim>& case_;
   const RunOptions& options_;
 };
 
@@ -380,8 +380,8 @@ template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const R
   ExplicitRun<Dim> run(dynamics_case, options);
   run_into_directory(run, options, display);
 }
-void run_case(const EffectiveCase& analysis, const RunOptions& options, Display& display) {
-  EffectiveRun run(analysis, options);
+template <int Dim> void run_case(const EffectiveCase<Dim>& analysis, const RunOptions& options, Display& display) {
+  EffectiveRun<Dim> run(analysis, options);
   run_into_directory(run, options, display);
 }
 
@@ -389,5 +389,7 @@ template void run_case(Case<2>, const RunOptions&, Display&);
 template void run_case(Case<3>, const RunOptions&, Display&);
 template void run_case(const DynamicsCase<2>&, const RunOptions&, Display&);
 template void run_case(const DynamicsCase<3>&, const RunOptions&, Display&);
+template void run_case(const EffectiveCase<2>&, const RunOptions&, Display&);
+template void run_case(const EffectiveCase<3>&, const RunOptions&, Display&);
 
 }  // namespace efree

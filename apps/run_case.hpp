@@ -20,6 +20,6 @@ struct RunOptions {
 /// checkpoint.
 template <int Dim> void run_case(Case<Dim> analysis, const RunOptions& options, Display& display);
 template <int Dim> void run_case(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options, Display& display);
-void run_case(const EffectiveCase& analysis, const RunOptions& options, Display& display);
+template <int Dim> void run_case(const EffectiveCase<Dim>& analysis, const RunOptions& options, Display& display);
 
 }  // namespace efree

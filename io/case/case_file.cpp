@@ -47,7 +47,7 @@ void reject_other_keys(const Section& root, AnalysisKind kind) {
       if (!root.has(key) || std::ranges::find(own, key) != own.end()) continue;
       if (kind == AnalysisKind::effective)
         root.fail(key, fmt::format("[{}] means nothing for effective properties, whose loads are mean strains on the "
-                                   "image's frame: leave it out",
+                                   "frame: leave it out",
                                    key));
       root.fail(key, kind == AnalysisKind::dynamics && other == AnalysisKind::statics
                          ? fmt::format("[{}] is for static analyses: leave it out in explicit dynamics", key)
@@ -83,11 +83,8 @@ AnyCase read_case(const std::filesystem::path& file, const Reading& reading, con
   const CaseText text = open_case(file, reading);
   const bool is_planar = dimension_of(text, monitor) == 2;
   if (text.kind == AnalysisKind::effective) {
-    if (is_planar)
-      text.geometry.fail(text.geometry.has("file") ? "file" : "shape",
-                         "effective properties are those of images in space, and this geometry is planar: an image of "
-                         "one layer of voxels, e.g. a .raw file with a size of [n, m, 1], stands for a plane");
-    return internal::read_effective(text);
+    if (is_planar) return internal::read_effective<2>(text);
+    return internal::read_effective<3>(text);
   }
   if (text.kind == AnalysisKind::dynamics) {
     if (is_planar) return internal::read_dynamics<2>(text);
@@ -107,15 +104,21 @@ StaticCase read_static_case(const std::filesystem::path& file, const Reading& re
   return internal::read_static<3>(text);
 }
 
-EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor) {
-  if (!analysis.geometry.image) return find_effective(analysis, analysis.geometry, monitor);
-  const MadeImage<3> image = [&] {
-    const Stage stage("image", monitor);
-    return analysis.geometry.image(stage);
-  }();
-  if (monitor.say)
-    for (const std::string& remark : image.remarks) monitor.say(remark);
-  return find_effective(analysis, image, monitor);
+template <int Dim> EffectiveResult find_effective(const EffectiveCase<Dim>& analysis, const Monitor& monitor) {
+  if constexpr (Dim == 3)
+    if (analysis.geometry.image) {
+      const MadeImage<3> image = [&] {
+        const Stage stage("image", monitor);
+        return analysis.geometry.image(stage);
+      }();
+      if (monitor.say)
+        for (const std::string& remark : image.remarks) monitor.say(remark);
+      return find_effective(analysis, image, monitor);
+    }
+  return find_effective<Dim>(analysis, analysis.geometry, monitor);
 }
+
+template EffectiveResult find_effective(const EffectiveCase<2>&, const Monitor&);
+template EffectiveResult find_effective(const EffectiveCase<3>&, const Monitor&);
 
 }  // namespace efree

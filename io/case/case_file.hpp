@@ -37,13 +37,11 @@ template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   CaseMark mark{};
 };
 
-/// Effective properties of an image, which nothing but `efree inspect` meshes, or of a unit cell.
-struct EffectiveCase : EffectiveSettings {
-  MeshSource<3> geometry;
-};
+/// Effective properties of an image in space, which nothing but `efree inspect` meshes, or of a unit cell.
+template <int Dim> struct EffectiveCase : EffectiveSettings<Dim> { MeshSource<Dim> geometry; };
 
 /// analysis.kind and the geometry decide which.
-using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>, EffectiveCase>;
+using AnyCase = std::variant<Case<2>, Case<3>, DynamicsCase<2>, DynamicsCase<3>, EffectiveCase<2>, EffectiveCase<3>>;
 using StaticCase = std::variant<Case<2>, Case<3>>;
 
 /// Reads and checks a case file. Throws InputError for a file that cannot be read, and beginning with "file:line:" for
@@ -63,8 +61,8 @@ template <int Dim> PreparedMesh<Dim> prepare(const Case<Dim>& analysis, const Mo
 template <int Dim> PreparedMesh<Dim> prepare(const DynamicsCase<Dim>& dynamics_case, const Monitor& monitor = {}) {
   return prepare<Dim>(dynamics_case.geometry, dynamics_case, monitor);
 }
-inline PreparedMesh<3> prepare(const EffectiveCase& analysis, const Monitor& monitor = {}) {
-  return prepare<3>(analysis.geometry, Settings<3>{.common = analysis.common}, monitor);
+template <int Dim> PreparedMesh<Dim> prepare(const EffectiveCase<Dim>& analysis, const Monitor& monitor = {}) {
+  return prepare<Dim>(analysis.geometry, Settings<Dim>{.common = analysis.common}, monitor);
 }
 /// On the mesh, or the meshes, of its geometry.
 template <int Dim> Result<Dim> analyse(const Case<Dim>& analysis, const Monitor& monitor = {}) {
@@ -85,6 +83,6 @@ DynamicsModel<Dim> build_dynamics_model(const DynamicsCase<Dim>& dynamics_case, 
 }
 
 /// find_effective with the case's own image, or meshes of its geometry. Stages: read, and those of find_effective.
-EffectiveResult find_effective(const EffectiveCase& analysis, const Monitor& monitor = {});
+template <int Dim> EffectiveResult find_effective(const EffectiveCase<Dim>& analysis, const Monitor& monitor = {});
 
 }  // namespace efree

@@ -39,14 +39,15 @@ Expressions<Dim> read_definitions(const Section& root, const ScalarField<Dim>& g
 }
 
 template <int Dim> void read_common(const CaseText& text, const Section& analysis, const PlaneNames& planes,
-                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry) {
+                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry,
+                                    std::optional<Plane> fallback) {
   common.where = text.file.string();
   common.said = places_in(text.root);
   common.title = text.root.text("title", text.file.stem().string());
   geometry = read_geometry<Dim>(text.geometry, text.folder(), text.reading);
   if (Dim == 3 && analysis.has("plane"))
     analysis.fail("plane", "plane means nothing here: the geometry is three-dimensional");
-  common.model.plane = analysis.choice<Plane>("plane", planes, Dim == 3 ? std::optional(Plane::strain) : std::nullopt);
+  common.model.plane = analysis.choice<Plane>("plane", planes, Dim == 3 ? std::optional(Plane::strain) : fallback);
 }
 
 std::vector<double> read_pixel_spacing(const Section& image, std::size_t dim) {
@@ -152,9 +153,11 @@ void add_file(Fingerprint& to, const std::filesystem::path& file) {
 template Expressions<2> read_definitions<2>(const Section&, const ScalarField<2>&, const ExpressionTime&);
 template Expressions<3> read_definitions<3>(const Section&, const ScalarField<3>&, const ExpressionTime&);
 template void read_approximation<2>(const Section&, const Section&, double, CommonSettings<2>&);
-template void read_common<2>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<2>&, MeshSource<2>&);
+template void read_common<2>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<2>&, MeshSource<2>&,
+                             std::optional<Plane>);
 template void read_approximation<3>(const Section&, const Section&, double, CommonSettings<3>&);
-template void read_common<3>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<3>&, MeshSource<3>&);
+template void read_common<3>(const CaseText&, const Section&, const PlaneNames&, CommonSettings<3>&, MeshSource<3>&,
+                             std::optional<Plane>);
 template Grading read_grading<2>(const Section&, PlaceReader<2>&, std::vector<Mention>&);
 template Grading read_grading<3>(const Section&, PlaceReader<3>&, std::vector<Mention>&);
 

@@ -11,7 +11,7 @@ namespace efree::internal {
 namespace {
 
 /// [material] or [[material]] conductivity.
-void read_conductivities(const Section& root, EffectiveSettings& result) {
+template <int Dim> void read_conductivities(const Section& root, EffectiveSettings<Dim>& result) {
   const auto value = [](const Section& section) {
     if (!section.has("conductivity"))
       section.fail("", "key \"conductivity\" is missing: effective.property = \"conductivity\" asks for it");
@@ -39,19 +39,21 @@ Section::Keys effective_keys() {
   return {"title", "definitions", "geometry", "analysis", "material", "effective"};
 }
 
-EffectiveCase read_effective(const CaseText& text) {
+template <int Dim> EffectiveCase<Dim> read_effective(const CaseText& text) {
   const Section& root = text.root;
   const Section analysis = root.section("analysis", {"kind", "plane"});
   const Section effective = root.section("effective", {"property", "boundary", "subvolumes", "interfaces"});
-  EffectiveCase result;
-  result.common.where = text.file.string();
-  result.common.said = places_in(root);
-  result.common.title = root.text("title", text.file.stem().string());
-  result.common.model.plane = Plane::strain;
-  if (analysis.has("plane")) analysis.fail("plane", "effective properties are those in space: leave it out");
+  EffectiveCase<Dim> result;
+  if (text.geometry.has("mesh_ratio"))
+    text.geometry.fail("mesh_ratio",
+                       "mesh_ratio is relative to a cloud, which effective properties do not have: take mesh_size");
   result.property = effective.choice<EffectiveProperty>(
       "property", {{"stiffness", EffectiveProperty::stiffness}, {"conductivity", EffectiveProperty::conductivity}},
       EffectiveProperty::stiffness);
+  std::optional<Plane> plane;  // of a conductivity it says no more than that the geometry is planar
+  if (result.property == EffectiveProperty::conductivity) plane = Plane::strain;
+  read_common(text, analysis, {{"strain", Plane::strain}, {"stress", Plane::stress}}, result.common, result.geometry,
+              plane);
   result.frame = effective.choice<FrameCondition>("boundary",
                                                   {{"periodic", FrameCondition::periodic},
                                                    {"kinematic", FrameCondition::kinematic},
@@ -60,21 +62,24 @@ EffectiveCase read_effective(const CaseText& text) {
   result.subvolumes = static_cast<Index>(effective.integer("subvolumes", 1, 100, 1));
   result.smooth = effective.choice<bool>("interfaces", {{"smooth", true}, {"voxels", false}}, true);
   result.size = text.geometry.number("mesh_size", positive, 0.0);
-  result.geometry = read_geometry<3>(text.geometry, text.folder(), text.reading);
-  if (!result.geometry.image && result.geometry.grey)
+  if (Dim == 3 && !result.geometry.image && result.geometry.grey)
     text.geometry.fail("image", "images in space are solved on the grid of their voxels here: leave the mesher out");
-  if (!result.geometry.image)
+  if (Dim == 2 || !result.geometry.image)
     for (const char* key : {"subvolumes", "interfaces"})
       if (effective.has(key))
-        effective.fail(key, fmt::format("{} is for images in space; this geometry is a mesh", key));
+        effective.fail(
+            key, fmt::format("{} is for images in space; this geometry is {}", key, Dim == 2 ? "planar" : "a mesh"));
   if (result.property == EffectiveProperty::conductivity) {
     read_conductivities(root, result);
     return result;
   }
-  const Expressions<3> expressions = read_definitions<3>(
+  const Expressions<Dim> expressions = read_definitions<Dim>(
       root, result.geometry.grey, {std::nullopt, "nothing depends on time in effective properties"});
-  MaterialReader<3>(expressions).read(root, result.common);
+  MaterialReader<Dim>(expressions).read(root, result.common);
   return result;
 }
+
+template EffectiveCase<2> read_effective(const CaseText&);
+template EffectiveCase<3> read_effective(const CaseText&);
 
 }  // namespace efree::internal

@@ -248,8 +248,8 @@ template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const D
   if (inspection.suggestion) inspection.suggestion->spacing = 0.0;  // no cloud comes with the mesh
   return inspection;
 }
-Inspection<3> inspect_case(const std::string& path, const EffectiveCase& analysis) {
-  EffectiveCase geometry_alone = analysis;
+template <int Dim> Inspection<Dim> inspect_case(const std::string& path, const EffectiveCase<Dim>& analysis) {
+  EffectiveCase<Dim> geometry_alone = analysis;
   geometry_alone.common.materials.clear();
   return inspect_case(path, prepare(geometry_alone), {}, {});
 }

@@ -9,9 +9,9 @@
 
 namespace efree {
 
-/// directions.svg and directions.png: Young's modulus (conductivity: n . K n) by direction in the planes xy, xz and yz
-/// of the image, by gnuplot. Returns an empty string, or why there is no chart. Throws InputError if a file cannot be
-/// written.
-std::string draw_directions(OutputDirectory& out, const EffectiveSettings& settings, const EffectiveResult& result);
+/// directions.svg and directions.png: Young's modulus (conductivity: n . K n) by direction in the planes xy, xz and yz,
+/// in the plane in that, by gnuplot. Returns an empty string, or why there is no chart. Throws InputError if a file
+/// cannot be written.
+std::string draw_directions(OutputDirectory& out, EffectiveProperty property, const EffectiveResult& result);
 
 }  // namespace efree

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 namespace efree {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 using internal::json_array, nlohmann::ordered_json;
 
 constexpr std::array<const char*, 4> class_names{"isotropic", "cubic", "transversely_isotropic", "orthotropic"};
+constexpr std::array<const char*, 3> plane_class_names{"isotropic", "square", "orthotropic"};
 
 std::string name_of(FrameCondition frame) {
   return frame == FrameCondition::periodic ? "periodic" : frame == FrameCondition::kinematic ? "kinematic" : "static";
@@ -55,7 +57,7 @@ std::pair<double, double> young_and_poisson(const ElasticSymmetry& s) {
   return {9.0 * s.kappa * s.mu / (3.0 * s.kappa + s.mu), (3.0 * s.kappa - 2.0 * s.mu) / (2.0 * (3.0 * s.kappa + s.mu))};
 }
 
-Matrix compliance_in_axes(const EffectiveResult& result) {
+Matrix compliance_of_orthotropy(const EffectiveResult& result) {
   // Stiffness and compliance turn alike once shears are not doubled: halves where the compliance has them twice.
   const Vector twice = (Vector(6) << 1, 1, 1, 2, 2, 2).finished();
   const Matrix halved = twice.cwiseInverse().asDiagonal() * result.inverse * twice.cwiseInverse().asDiagonal();
@@ -70,7 +72,7 @@ void describe_elastic(const EffectiveResult& result, std::vector<std::string>& l
       for (int d = 0; d < 3; ++d)
         lines.push_back(fmt::format("axis {} of orthotropy: ({:.4f})", d + 1, fmt::join(symmetry.axes.col(d), ", ")));
       lines.push_back("in these: " +
-                      text_of_constants(engineering_constants(ElasticTensor(compliance_in_axes(result)))));
+                      text_of_constants(engineering_constants(ElasticTensor(compliance_of_orthotropy(result)))));
     }
   }
   lines.push_back(fmt::format(
@@ -83,6 +85,35 @@ void describe_elastic(const EffectiveResult& result, std::vector<std::string>& l
                                 *result.universal_anisotropy, symmetry.zener));
   const auto [E, nu] = young_and_poisson(symmetry);
   lines.push_back(fmt::format("isotropic part: E = {:.6g}, nu = {:.4g}", E, nu));
+  if (result.kappa_bounds) lines.push_back(text_of_bounds("its kappa", symmetry.kappa, *result.kappa_bounds));
+  if (result.mu_bounds) lines.push_back(text_of_bounds("its mu", symmetry.mu, *result.mu_bounds));
+}
+
+std::string text_of_constants(const PlaneEngineeringConstants& c) {
+  return fmt::format("E = {:.6g}, {:.6g}; G_xy = {:.6g}; nu_xy = {:.4g}", c.E[0], c.E[1], c.G, c.nu);
+}
+
+/// Young's modulus and Poisson's ratio in the plane of an isotropic tensor.
+std::pair<double, double> young_and_poisson(const PlaneSymmetry& s) {
+  return {4.0 * s.kappa * s.mu / (s.kappa + s.mu), (s.kappa - s.mu) / (s.kappa + s.mu)};
+}
+
+void describe_in_plane(const EffectiveResult& result, std::optional<Plane> plane, std::vector<std::string>& lines) {
+  const PlaneSymmetry& symmetry = *result.plane_symmetry;
+  if (result.inverse.size() > 0) {
+    const PlaneElasticTensor compliance = result.inverse;
+    lines.push_back(fmt::format("axes x, y, in plane {}: {}", plane == Plane::stress ? "stress" : "strain",
+                                text_of_constants(plane_engineering_constants(compliance))));
+    if (symmetry.angle != 0.0)
+      lines.push_back(
+          fmt::format("axes of orthotropy, turned by {:.4g} degrees: {}", symmetry.angle * 180.0 / std::numbers::pi,
+                      text_of_constants(plane_engineering_constants(compliance_in_axes(compliance, symmetry.angle)))));
+  }
+  lines.push_back(fmt::format("symmetry: {}; distance from isotropic {:.2g} %, square {:.2g} %, orthotropic {:.2g} %",
+                              text_of(result.plane_nearest), 100.0 * symmetry.distances[0],
+                              100.0 * symmetry.distances[1], 100.0 * symmetry.distances[2]));
+  const auto [E, nu] = young_and_poisson(symmetry);
+  lines.push_back(fmt::format("isotropic part in the plane: E = {:.6g}, nu = {:.4g}", E, nu));
   if (result.kappa_bounds) lines.push_back(text_of_bounds("its kappa", symmetry.kappa, *result.kappa_bounds));
   if (result.mu_bounds) lines.push_back(text_of_bounds("its mu", symmetry.mu, *result.mu_bounds));
 }
@@ -104,6 +135,34 @@ ordered_json bounds_json(const PhaseBounds& bounds) {
   return {{"hashin_shtrikman", json_array(bounds.hashin_shtrikman)}, {"reuss_voigt", json_array(bounds.voigt_reuss)}};
 }
 
+ordered_json constants_json(const PlaneElasticTensor& compliance) {
+  const PlaneEngineeringConstants c = plane_engineering_constants(compliance);
+  return {{"E", json_array(c.E)}, {"G", {{"xy", c.G}}}, {"nu", {{"xy", c.nu}}}};
+}
+
+void add_elastic_in_plane(const EffectiveResult& result, ordered_json& json) {
+  const PlaneSymmetry& symmetry = *result.plane_symmetry;
+  if (result.inverse.size() > 0) {
+    json["compliance"] = json_rows(result.inverse);
+    json["engineering"] = constants_json(PlaneElasticTensor(result.inverse));
+  }
+  ordered_json& axes = json["orthotropic_axes"];
+  axes["axes"] = {{std::cos(symmetry.angle), std::sin(symmetry.angle)},
+                  {-std::sin(symmetry.angle), std::cos(symmetry.angle)}};
+  axes["tensor"] = json_rows(symmetry.there);
+  if (result.inverse.size() > 0)
+    axes["engineering"] = constants_json(compliance_in_axes(PlaneElasticTensor(result.inverse), symmetry.angle));
+  ordered_json& classes = json["symmetry"];
+  classes["nearest"] = text_of(result.plane_nearest);
+  classes["tolerance"] = result.class_tolerance;
+  for (std::size_t c = 0; c < plane_class_names.size(); ++c)
+    classes["distances"][plane_class_names[c]] = symmetry.distances[c];
+  const auto [E, nu] = young_and_poisson(symmetry);
+  json["isotropic_part"] = {{"kappa", symmetry.kappa}, {"mu", symmetry.mu}, {"E", E}, {"nu", nu}};
+  if (result.kappa_bounds) json["bounds"]["kappa"] = bounds_json(*result.kappa_bounds);
+  if (result.mu_bounds) json["bounds"]["mu"] = bounds_json(*result.mu_bounds);
+}
+
 void add_elastic(const EffectiveResult& result, ordered_json& json) {
   const ElasticSymmetry& symmetry = *result.symmetry;
   if (result.inverse.size() > 0) {
@@ -113,7 +172,7 @@ void add_elastic(const EffectiveResult& result, ordered_json& json) {
   ordered_json& axes = json["orthotropic_axes"];
   axes["axes"] = json_rows(symmetry.axes.transpose());
   axes["tensor"] = json_rows(symmetry.there);
-  if (result.inverse.size() > 0) axes["engineering"] = constants_json(ElasticTensor(compliance_in_axes(result)));
+  if (result.inverse.size() > 0) axes["engineering"] = constants_json(ElasticTensor(compliance_of_orthotropy(result)));
   ordered_json& classes = json["symmetry"];
   classes["nearest"] = text_of(result.nearest);
   classes["tolerance"] = result.class_tolerance;
@@ -128,7 +187,8 @@ void add_elastic(const EffectiveResult& result, ordered_json& json) {
 
 }  // namespace
 
-std::vector<std::string> describe_effective(const EffectiveSettings& settings, const EffectiveResult& result) {
+template <int Dim>
+std::vector<std::string> describe_effective(const EffectiveSettings<Dim>& settings, const EffectiveResult& result) {
   const bool is_elastic = settings.property == EffectiveProperty::stiffness;
   const EffectiveTensor& found = result.tensor;
   const EffectiveLevel& grid = found.finest();
@@ -142,14 +202,19 @@ std::vector<std::string> describe_effective(const EffectiveSettings& settings, c
                                     grid.edges[0], grid.edges[1], grid.edges[2], grid.iterations, found.tensor.rows()));
   lines.push_back(fmt::format("effective {} under {} conditions{}; error {:.2g} % ({}), {:.1g} % (iterations)",
                               is_elastic ? "stiffness" : "conductivity", name_of(settings.frame),
-                              is_elastic ? " (xx, yy, zz, yz, xz, xy)" : "", 100.0 * found.grid_error,
-                              result.on_mesh ? "mesh" : "grid", 100.0 * found.iteration_error));
+                              !is_elastic ? ""
+                              : Dim == 2  ? " (xx, yy, xy)"
+                                          : " (xx, yy, zz, yz, xz, xy)",
+                              100.0 * found.grid_error, result.on_mesh ? "mesh" : "grid",
+                              100.0 * found.iteration_error));
   for (const std::string& row : rows_of(found.tensor)) lines.push_back(row);
   if (is_elastic) {
-    describe_elastic(result, lines);
+    if constexpr (Dim == 2)
+      describe_in_plane(result, settings.common.model.plane, lines);
+    else
+      describe_elastic(result, lines);
   } else {
-    lines.push_back(fmt::format("principal conductivities: {:.6g}, {:.6g}, {:.6g}", result.principal[0],
-                                result.principal[1], result.principal[2]));
+    lines.push_back(fmt::format("principal conductivities: {:.6g}", fmt::join(result.principal, ", ")));
     if (result.conductivity_bounds)
       lines.push_back(text_of_bounds("their mean", result.principal.mean(), *result.conductivity_bounds));
   }
@@ -162,13 +227,15 @@ std::vector<std::string> describe_effective(const EffectiveSettings& settings, c
   return lines;
 }
 
-void write_effective_result(const std::filesystem::path& file, const EffectiveSettings& settings,
-                            const EffectiveResult& result) {
+template <int Dim> void write_effective_result(const std::filesystem::path& file,
+                                               const EffectiveSettings<Dim>& settings, const EffectiveResult& result) {
   const EffectiveTensor& found = result.tensor;
   ordered_json json;
   json["title"] = settings.common.title;
   json["kind"] = "effective";
   json["property"] = settings.property == EffectiveProperty::stiffness ? "stiffness" : "conductivity";
+  if (Dim == 2 && settings.property == EffectiveProperty::stiffness)
+    json["plane"] = settings.common.model.plane == Plane::stress ? "stress" : "strain";
   json["boundary"] = name_of(settings.frame);
   for (const VolumeFraction& part : result.fractions) json["volume_fractions"][part.region] = part.fraction;
   json["tensor"] = json_rows(found.tensor);
@@ -176,12 +243,15 @@ void write_effective_result(const std::filesystem::path& file, const EffectiveSe
   json["extrapolated"] = json_rows(found.extrapolated);
   for (const EffectiveLevel& level : found.levels)
     json["grids"].push_back({{"cells", level.cells},
-                             {"edges", json_array(level.edges)},
+                             {"edges", json_array(Vec<Dim>(level.edges.template head<Dim>()))},
                              {"iterations", level.iterations},
                              {"tensor", json_rows(level.tensor)},
                              {"seconds", level.seconds}});
   if (settings.property == EffectiveProperty::stiffness) {
-    add_elastic(result, json);
+    if constexpr (Dim == 2)
+      add_elastic_in_plane(result, json);
+    else
+      add_elastic(result, json);
   } else {
     if (result.inverse.size() > 0) json["resistivity"] = json_rows(result.inverse);
     json["principal"] = {{"values", json_array(result.principal)},
@@ -203,5 +273,10 @@ void write_effective_result(const std::filesystem::path& file, const EffectiveSe
   json["version"] = version();
   internal::write_json(file, json);
 }
+
+template std::vector<std::string> describe_effective(const EffectiveSettings<2>&, const EffectiveResult&);
+template std::vector<std::string> describe_effective(const EffectiveSettings<3>&, const EffectiveResult&);
+template void write_effective_result(const std::filesystem::path&, const EffectiveSettings<2>&, const EffectiveResult&);
+template void write_effective_result(const std::filesystem::path&, const EffectiveSettings<3>&, const EffectiveResult&);
 
 }  // namespace efree

@@ -11,10 +11,11 @@
 namespace efree {
 
 /// The tensor with its error, volume fractions, constants, symmetry, bounds and subvolumes, a line each.
-std::vector<std::string> describe_effective(const EffectiveSettings& settings, const EffectiveResult& result);
+template <int Dim>
+std::vector<std::string> describe_effective(const EffectiveSettings<Dim>& settings, const EffectiveResult& result);
 
 /// The same as JSON; docs/case-file.md has the format. Throws InputError if the file cannot be written.
-void write_effective_result(const std::filesystem::path& file, const EffectiveSettings& settings,
-                            const EffectiveResult& result);
+template <int Dim> void write_effective_result(const std::filesystem::path& file,
+                                               const EffectiveSettings<Dim>& settings, const EffectiveResult& result);
 
 }  // namespace efree

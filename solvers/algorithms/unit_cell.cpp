@@ -3,99 +3,46 @@
 
 #include "efree/assembly/operators.hpp"
 #include "efree/core/error.hpp"
+#include "efree/solvers/algorithms/internal/frame.hpp"
+#include "efree/solvers/algorithms/internal/opposite_sides.hpp"
+#include "efree/solvers/algorithms/internal/periodic_coupling.hpp"
 #include "efree/solvers/linear/cholesky.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <cstdint>
-#include <map>
 #include <utility>
 
 namespace efree {
 namespace {
 
-/// The box around a mesh.
-template <int Dim> struct Frame {
-  static constexpr double rounding = 1e-6;  // of its lengths
-  Vec<Dim> low, lengths;
+using internal::Frame;
 
-  explicit Frame(const FineMesh<Dim>& mesh)
-      : low(mesh.vertices().rowwise().minCoeff()), lengths(mesh.vertices().rowwise().maxCoeff() - low) {}
-  double volume() const { return lengths.prod(); }
-  bool is_at_end(const Vec<Dim>& x, int axis) const {
-    return std::abs(x[axis] - low[axis] - lengths[axis]) <= rounding * lengths[axis];
-  }
-  bool is_on(const Vec<Dim>& x) const {
-    for (int d = 0; d < Dim; ++d)
-      if (is_at_end(x, d) || std::abs(x[d] - low[d]) <= rounding * lengths[d]) return true;
-    return false;
-  }
-};
-
-/// By degree of freedom the one that it is the same as on a periodic frame: itself, or the one opposite.
-template <int Dim> std::vector<Index> opposite_dofs(const FineSpace<Dim>& space, const Frame<Dim>& frame) {
-  // Places in units of the rounding, so that those of like meshes are equal but for one unit.
-  using Key = std::array<std::int64_t, Dim>;
-  const auto key_of = [&](const Vec<Dim>& x) {
-    Key key;
-    for (int d = 0; d < Dim; ++d)
-      key[d] = std::llround((x[d] - frame.low[d]) / (4.0 * Frame<Dim>::rounding * frame.lengths[d]));
-    return key;
+/// Unknowns by degree of freedom of a scalar field: none of those that are held on the frame, one of those that are the
+/// same on opposite sides.
+template <int Dim> Eigen::SparseMatrix<double> unknowns(const FineSpace<Dim>& space, const Frame<Dim>& frame,
+                                                        FrameCondition condition,
+                                                        const std::vector<std::array<Index, 2>>& same) {
+  std::vector<Index> stands(space.size());  // by degree of freedom, in trees whose roots are the lowest; -1: held
+  for (Index dof = 0; dof < space.size(); ++dof)
+    stands[dof] = condition == FrameCondition::kinematic && frame.is_on(space.points().col(dof)) ? -1 : dof;
+  const auto root = [&](Index dof) {
+    while (stands[dof] != dof) dof = stands[dof];
+    return dof;
   };
-  std::map<Key, Index> dof_at;
-  for (Index dof = 0; dof < space.size(); ++dof) dof_at.emplace(key_of(space.points().col(dof)), dof);
-  const auto find = [&](const Vec<Dim>& x) {
-    const Key key = key_of(x);
-    Key near;
-    for (int n = 0; n < (Dim == 2 ? 9 : 27); ++n) {
-      int rest = n;
-      for (int d = 0; d < Dim; ++d, rest /= 3) near[d] = key[d] + rest % 3 - 1;
-      if (const auto found = dof_at.find(near); found != dof_at.end()) return found->second;
-    }
-    return Index(-1);
-  };
-  std::vector<Index> opposite(space.size());
-  for (Index dof = 0; dof < space.size(); ++dof) {
-    Vec<Dim> x = space.points().col(dof);
-    opposite[dof] = dof;
-    bool is_free = true;
-    for (int d = 0; d < Dim; ++d)
-      if (frame.is_at_end(x, d)) {
-        x[d] = frame.low[d];
-        is_free = false;
-      }
-    if (is_free) continue;
-    opposite[dof] = find(x);
-    if (opposite[dof] < 0)
-      throw InputError(fmt::format(
-          "opposite sides of the unit cell do not have the same mesh: ({:.6g}) has nothing opposite, at "
-          "({:.6g}); mesh it periodically (gmsh: Periodic Surface), or take kinematic and static conditions, "
-          "between which the periodic ones are",
-          fmt::join(space.points().col(dof), ", "), fmt::join(x, ", ")));
+  for (const auto& [upper, lower] : same) {
+    const auto [first, last] = std::minmax({root(upper), root(lower)});
+    stands[last] = first;
   }
-  return opposite;
-}
-
-/// Unknowns by degree of freedom of a scalar field: none of those that are held.
-template <int Dim>
-Eigen::SparseMatrix<double> unknowns(const FineSpace<Dim>& space, const Frame<Dim>& frame, FrameCondition condition) {
-  std::vector<Index> stands(space.size());  // by degree of freedom; -1: held
-  if (condition == FrameCondition::periodic)
-    stands = opposite_dofs(space, frame);
-  else
-    for (Index dof = 0; dof < space.size(); ++dof)
-      stands[dof] = condition == FrameCondition::kinematic && frame.is_on(space.points().col(dof)) ? -1 : dof;
   std::vector<Index> number(space.size(), -1);
-  Index count = 0;
-  for (Index dof = 0; dof < space.size(); ++dof)
-    if (stands[dof] == dof) number[dof] = count++;
   std::vector<Eigen::Triplet<double>> entries;
-  for (Index dof = 0; dof < space.size(); ++dof)
-    if (stands[dof] >= 0) entries.emplace_back(dof, number[stands[dof]], 1.0);
+  Index count = 0;
+  for (Index dof = 0; dof < space.size(); ++dof) {
+    if (stands[dof] < 0) continue;
+    if (stands[dof] == dof) number[dof] = count++;
+    entries.emplace_back(dof, number[root(dof)], 1.0);
+  }
   Eigen::SparseMatrix<double> T(space.size(), count);
   T.setFromTriplets(entries.begin(), entries.end());
   return T;
@@ -118,25 +65,12 @@ template <int Dim> void require_elements(const Approximation<Dim>& elements) {
   require(!elements.space.axisymmetric(), "effective tensors on a mesh: no axisymmetry expected");
 }
 
-/// The side of the frame that a facet is on: 2 axis, plus 1 at the upper end; -1: none.
-template <int Dim> int side_of(const FineMesh<Dim>& mesh, const Frame<Dim>& frame, Index facet) {
-  for (int side = 0; side < 2 * Dim; ++side) {
-    const int axis = side / 2;
-    const double end = frame.low[axis] + (side % 2) * frame.lengths[axis];
-    bool is_on = true;
-    for (const Index v : mesh.facets().col(facet))
-      is_on = is_on && std::abs(mesh.vertex(v)[axis] - end) <= Frame<Dim>::rounding * frame.lengths[axis];
-    if (is_on) return side;
-  }
-  return -1;
-}
-
 /// Throws InputError for a side of the frame that no facet is on: what touches it in points or along lines, or is not
 /// flat there, would not be held.
 template <int Dim> void require_sides(const FineMesh<Dim>& mesh, const Frame<Dim>& frame) {
   std::array<double, 2 * Dim> area{};
   for (Index f = 0; f < mesh.num_facets(); ++f)
-    if (const int side = side_of(mesh, frame, f); side >= 0) area[side] += mesh.facet_measure(f);
+    if (const int side = frame.side_of(mesh, f); side >= 0) area[side] += mesh.facet_measure(f);
   for (int side = 0; side < 2 * Dim; ++side)
     if (area[side] == 0.0)
       throw InputError(
@@ -155,7 +89,7 @@ template <int Dim> Matrix frame_forces(const FineSpace<Dim>& space, const Frame<
   double filled = 0.0, all = 0.0;
   for (int d = 0; d < Dim; ++d) all += 2.0 * frame.volume() / frame.lengths[d];
   for (Index f = 0; f < mesh.num_facets(); ++f) {
-    const int side = side_of(mesh, frame, f);
+    const int side = frame.side_of(mesh, f);
     if (side < 0) continue;
     const int axis = side / 2;
     const bool upper = side % 2 == 1;
@@ -177,14 +111,65 @@ template <int Dim> Matrix frame_forces(const FineSpace<Dim>& space, const Frame<
   return forces;
 }
 
-/// The tensor from the matrix K of all degrees of freedom, the forces of unit mean strains (gradients) by which these
-/// are out of balance, and the mean stiffness.
-template <int Dim> UnitCellTensor tensor_of(const Approximation<Dim>& elements, const Frame<Dim>& frame,
-                                            FrameCondition condition, int components, const SymmetricMatrix& K,
-                                            const Matrix& forces, const Matrix& mean) {
+/// Stiffness matrix, forces and mean of a problem with so many components.
+struct UnitCellProblem {
+  int components;
+  SymmetricMatrix K;  ///< of all degrees of freedom
+  Matrix forces;      ///< by which unit mean strains (gradients) are out of balance, or of unit mean stresses (fluxes)
+  Matrix mean;        ///< stiffness averaged over the frame
+};
+
+/// UnitCellTensor::facet_change of fields w, by unit mean gradients: of all of the field.
+template <int Dim> Matrix facet_change(const FineSpace<Dim>& space, const Frame<Dim>& frame, int components,
+                                       const internal::TractionOperator<Dim>& traction, const Matrix& units,
+                                       const Matrix& w, const Vector& shifts) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  const SimplexRule<Dim - 1>& rule = space.facet_rule();
+  Matrix change = Matrix::Zero(w.cols(), w.cols());
+  for (Index f = 0; f < mesh.num_facets(); ++f) {
+    if (shifts[f] == 0.0 || frame.side_of(mesh, f) >= 0) continue;
+    const Index cell = mesh.facet_cell(f);
+    const auto dofs = space.cell(cell);
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto at = space.facet_point(f, rule.points.col(q));
+      const auto dN = space.gradients(cell, at);
+      Matrix gradient = units;
+      for (std::size_t i = 0; i < dofs.size(); ++i)
+        for (int c = 0; c < components; ++c)
+          gradient.middleRows<Dim>(c * Dim) += dN.col(static_cast<Index>(i)) * w.row(components * dofs[i] + c);
+      const double weight = shifts[f] * mesh.facet_measure(f) * rule.weights[q] / frame.volume();
+      for (int axis = 0; axis < Dim; ++axis) {
+        const Matrix along = gradient(Eigen::seqN(axis, components, Dim), Eigen::all);
+        change += weight * along.transpose() * (traction(mesh.region(cell), space.position(cell, at), axis) * gradient);
+      }
+    }
+  }
+  return change;
+}
+
+/// The tensor, on a periodic frame with opposite sides that are the same or coupled.
+template <int Dim> UnitCellTensor tensor_of(const FineSpace<Dim>& space, const Frame<Dim>& frame,
+                                            FrameCondition condition, UnitCellProblem problem,
+                                            const internal::TractionOperator<Dim>& traction, const Matrix& units,
+                                            const Vector& shifts) {
   constexpr double held = 1e-10;  // of the diagonal
-  const Eigen::SparseMatrix<double> T = for_components(unknowns(elements.space, frame, condition), components);
-  const Eigen::SparseMatrix<double> all = Eigen::SparseMatrix<double>(K).selfadjointView<Eigen::Lower>();
+  UnitCellTensor found{.tensor = {}, .mean = problem.mean};
+  std::vector<std::array<Index, 2>> same;
+  if (condition == FrameCondition::periodic) {
+    for (int axis = 0; axis < Dim; ++axis)
+      if (const auto pairs = internal::matching_dofs(space, frame, axis))
+        same.insert(same.end(), pairs->begin(), pairs->end());
+      else
+        found.coupled_axes.push_back(axis);
+  }
+  if (!found.coupled_axes.empty()) {
+    const auto coupling = internal::couple_sides(space, frame, found.coupled_axes, problem.components, traction, units);
+    problem.K += coupling.matrix;
+    problem.forces += coupling.forces;
+    found.uncovered = coupling.uncovered;
+  }
+  const Eigen::SparseMatrix<double> T = for_components(unknowns(space, frame, condition, same), problem.components);
+  const Eigen::SparseMatrix<double> all = Eigen::SparseMatrix<double>(problem.K).selfadjointView<Eigen::Lower>();
   Eigen::SparseMatrix<double> reduced = T.transpose() * all * T;
   const double largest = reduced.diagonal().maxCoeff();
   for (Index i = 0; i < reduced.cols(); ++i) {
@@ -194,94 +179,156 @@ template <int Dim> UnitCellTensor tensor_of(const Approximation<Dim>& elements, 
   SymmetricMatrix lower = reduced.triangularView<Eigen::Lower>();
   lower.makeCompressed();
   std::vector<Index> node_of(lower.cols());
-  for (std::size_t i = 0; i < node_of.size(); ++i) node_of[i] = static_cast<Index>(i) / components;
+  for (std::size_t i = 0; i < node_of.size(); ++i) node_of[i] = static_cast<Index>(i) / problem.components;
   const Cholesky factor(lower, node_of);
-  const Matrix F = T.transpose() * forces;
-  const Matrix work = F.transpose() * factor.solve(F) / frame.volume();
-  UnitCellTensor found{.tensor = {}, .mean = mean, .unknowns = static_cast<Index>(lower.cols())};
+  if (factor.negative_pivots() > 0)
+    throw NumericalError("the stiffness of the unit cell is not positive: moduli vary by more than 2 within a cell");
+  const Matrix w = T * factor.solve(T.transpose() * problem.forces), Fw = problem.forces.transpose() * w;
+  // The functional without the springs, whose effect on it is of second order.
+  const Matrix work = (Fw + Fw.transpose() - w.transpose() * (all * w)) / frame.volume();
+  found.unknowns = static_cast<Index>(lower.cols());
   if (condition == FrameCondition::uniform)
     found.tensor = work.ldlt().solve(Matrix(Matrix::Identity(work.rows(), work.cols())));
   else
-    found.tensor = mean - work;
+    found.tensor = problem.mean - work;
   found.tensor = Matrix(0.5 * (found.tensor + found.tensor.transpose()));
   if (!found.tensor.allFinite()) throw NumericalError("the effective tensor is not finite");
+  if (shifts.size() > 0)
+    found.facet_change = condition == FrameCondition::uniform
+                             ? facet_change<Dim>(space, frame, problem.components, traction,
+                                                 Matrix::Zero(units.rows(), units.cols()), w * found.tensor, shifts)
+                             : facet_change<Dim>(space, frame, problem.components, traction, units, w, shifts);
   return found;
+}
+
+/// Of a conductor, by cell.
+template <int Dim>
+SymmetricMatrix conduction_matrix(const FineSpace<Dim>& space, const std::vector<double>& conductivities) {
+  const SimplexRule<Dim>& rule = space.cell_rule();
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  for (Index c = 0; c < space.mesh().num_cells(); ++c) {
+    const auto dofs = space.cell(c);
+    Matrix local = Matrix::Zero(static_cast<Index>(dofs.size()), static_cast<Index>(dofs.size()));
+    for (Index q = 0; q < rule.weights.size(); ++q) {
+      const auto dN = space.gradients(c, rule.points.col(q));
+      local += space.weight(c, q) * conductivities[space.mesh().region(c)] * dN.transpose() * dN;
+    }
+    for (std::size_t a = 0; a < dofs.size(); ++a)
+      for (std::size_t b = 0; b < dofs.size(); ++b)
+        if (dofs[a] >= dofs[b])
+          entries.emplace_back(dofs[a], dofs[b], local(static_cast<Index>(a), static_cast<Index>(b)));
+  }
+  SymmetricMatrix K(space.size(), space.size());
+  K.setFromTriplets(entries.begin(), entries.end());
+  return K;
+}
+
+/// Rows and columns of Stiffness::C in the plane: of the strains that there are, by xx, yy, xy; in space all.
+template <int Dim> int voigt_row(int i) {
+  return Dim == 2 && i == 2 ? 3 : i;
+}
+/// Place of component (i, j) among the strains that there are.
+template <int Dim> int strain_of_pair(int i, int j) {
+  return i == j ? i : Dim == 2 ? 2 : 6 - i - j;
+}
+/// Displacement gradients of the unit strains, each symmetric, laid out as in TractionOperator.
+template <int Dim> Matrix unit_strains() {
+  Matrix units = Matrix::Zero(Dim * Dim, Dim * (Dim + 1) / 2);
+  for (int i = 0; i < Dim; ++i)
+    for (int j = 0; j < Dim; ++j) units(i * Dim + j, strain_of_pair<Dim>(i, j)) = i == j ? 1.0 : 0.5;
+  return units;
 }
 
 }  // namespace
 
 template <int Dim> UnitCellTensor effective_stiffness(const Approximation<Dim>& elements,
-                                                      const Materials<Dim>& materials, FrameCondition condition) {
+                                                      const Materials<Dim>& materials, FrameCondition condition,
+                                                      const Vector& facet_shifts) {
   require_elements(elements);
   const Discretization<Dim>& points = elements.quadrature;
   const Frame<Dim> frame(elements.space.mesh());
   require_sides(elements.space.mesh(), frame);
   constexpr int strains = Dim * (Dim + 1) / 2;
-  // Voigt order; in the plane stresses have a fourth component, across it, which does no work.
-  const auto row_of = [](int i) { return Dim == 2 && i == 2 ? 3 : i; };
   Matrix mean = Matrix::Zero(strains, strains);
   std::vector<VoigtPoints<Dim>> stress(strains, VoigtPoints<Dim>::Zero(Voigt<Dim>::RowsAtCompileTime, points.size()));
   for (Index q = 0; q < points.size(); ++q) {
     Stiffness<Dim> room;
     const auto& C = materials.stiffness(points.region[q], points.points.col(q), room).C;
     for (int j = 0; j < strains; ++j) {
-      stress[j].col(q) = -C.col(row_of(j));
-      for (int i = 0; i < strains; ++i) mean(i, j) += points.weights[q] / frame.volume() * C(row_of(i), row_of(j));
+      stress[j].col(q) = -C.col(voigt_row<Dim>(j));
+      for (int i = 0; i < strains; ++i)
+        mean(i, j) += points.weights[q] / frame.volume() * C(voigt_row<Dim>(i), voigt_row<Dim>(j));
     }
   }
+  const Matrix units = unit_strains<Dim>();
   Matrix forces(Dim * elements.space.size(), strains);
   if (condition == FrameCondition::uniform) {
-    std::vector<Mat<Dim>> units;
-    for (int j = 0; j < strains; ++j) {
-      Mat<Dim> unit = Mat<Dim>::Zero();
-      if (j < Dim)
-        unit(j, j) = 1.0;
-      else
-        unit(Dim == 2 ? 0 : (j == 3 ? 1 : 0), j == 5 || Dim == 2 ? 1 : 2) = 1.0;
-      units.emplace_back(j < Dim ? unit : Mat<Dim>(unit + unit.transpose()));
-    }
-    forces = frame_forces<Dim>(elements.space, frame, Dim, units);
+    std::vector<Mat<Dim>> stresses;  // with both shear stresses
+    for (int j = 0; j < strains; ++j)
+      stresses.emplace_back((units.col(j).array() > 0.0).template cast<double>().matrix().reshaped(Dim, Dim));
+    forces = frame_forces<Dim>(elements.space, frame, Dim, stresses);
   } else {
     for (int j = 0; j < strains; ++j) forces.col(j) = forces_of_stress(points, stress[j]).reshaped();
   }
-  const SymmetricMatrix K = stiffness_matrix<Dim>(points, materials.tangents(points));
-  return tensor_of(elements, frame, condition, Dim, K, forces, mean);
+  const auto traction = [&](Index region, const Vec<Dim>& x, int axis) {
+    Stiffness<Dim> room;
+    const auto& C = materials.stiffness(region, x, room).C;
+    Matrix by_gradient(Dim, Dim * Dim);
+    for (int r = 0; r < Dim; ++r)
+      for (int c = 0; c < Dim; ++c)
+        for (int k = 0; k < Dim; ++k)
+          by_gradient(r, c * Dim + k) =
+              C(voigt_row<Dim>(strain_of_pair<Dim>(r, axis)), voigt_row<Dim>(strain_of_pair<Dim>(c, k)));
+    return by_gradient;
+  };
+  return tensor_of<Dim>(elements.space, frame, condition,
+                        {.components = Dim,
+                         .K = stiffness_matrix<Dim>(points, materials.tangents(points)),
+                         .forces = std::move(forces),
+                         .mean = std::move(mean)},
+                        traction, units, facet_shifts);
 }
 
 template <int Dim> UnitCellTensor effective_conductivity(const Approximation<Dim>& elements,
                                                          const std::vector<double>& conductivities,
-                                                         FrameCondition condition) {
+                                                         FrameCondition condition, const Vector& facet_shifts) {
   require_elements(elements);
-  require(static_cast<Index>(conductivities.size()) == elements.space.mesh().num_regions(),
+  const FineSpace<Dim>& space = elements.space;
+  const FineMesh<Dim>& mesh = space.mesh();
+  require(static_cast<Index>(conductivities.size()) == mesh.num_regions(),
           "effective_conductivity: a conductivity for each region of the mesh expected");
-  const Discretization<Dim>& points = elements.quadrature;
-  const Frame<Dim> frame(elements.space.mesh());
-  require_sides(elements.space.mesh(), frame);
-  Matrix mean = Matrix::Zero(Dim, Dim), forces = Matrix::Zero(elements.space.size(), Dim);
-  std::vector<Eigen::Triplet<double, Index>> entries;
-  for (Index q = 0; q < points.size(); ++q) {
-    const auto row = points.shape.row(q);
-    const double k = points.weights[q] * conductivities[points.region[q]];
-    mean.diagonal().array() += k / frame.volume();
-    for (std::size_t a = 0; a < row.nodes.size(); ++a) {
-      forces.row(row.nodes[a]) -= k * row.dN[a].transpose();
-      for (std::size_t b = 0; b <= a; ++b)
-        entries.emplace_back(row.nodes[a], row.nodes[b], k * row.dN[a].dot(row.dN[b]));
-    }
-  }
-  SymmetricMatrix K(elements.space.size(), elements.space.size());
-  K.setFromTriplets(entries.begin(), entries.end());
+  const Frame<Dim> frame(mesh);
+  require_sides(mesh, frame);
+  double mean = 0.0;
+  for (Index c = 0; c < mesh.num_cells(); ++c) mean += mesh.volume(c) / frame.volume() * conductivities[mesh.region(c)];
+  SymmetricMatrix K = conduction_matrix(space, conductivities);
+  Matrix forces(space.size(), Dim);
   if (condition == FrameCondition::uniform) {
     std::vector<Mat<Dim>> units(Dim, Mat<Dim>::Zero());
     for (int j = 0; j < Dim; ++j) units[j](0, j) = 1.0;
-    forces = frame_forces<Dim>(elements.space, frame, 1, units);
+    forces = frame_forces<Dim>(space, frame, 1, units);
+  } else {
+    // Linear fields are in the space.
+    forces = -(K.template selfadjointView<Eigen::Lower>() * Matrix(space.points().transpose()));
   }
-  return tensor_of(elements, frame, condition, 1, K, forces, mean);
+  const auto traction = [&](Index region, const Vec<Dim>&, int axis) {
+    Matrix by_gradient = Matrix::Zero(1, Dim);
+    by_gradient(0, axis) = conductivities[region];
+    return by_gradient;
+  };
+  return tensor_of<Dim>(
+      space, frame, condition,
+      {.components = 1, .K = std::move(K), .forces = std::move(forces), .mean = mean * Matrix::Identity(Dim, Dim)},
+      traction, Matrix::Identity(Dim, Dim), facet_shifts);
 }
 
-template UnitCellTensor effective_stiffness<2>(const Approximation<2>&, const Materials<2>&, FrameCondition);
-template UnitCellTensor effective_stiffness<3>(const Approximation<3>&, const Materials<3>&, FrameCondition);
-template UnitCellTensor effective_conductivity<2>(const Approximation<2>&, const std::vector<double>&, FrameCondition);
-template UnitCellTensor effective_conductivity<3>(const Approximation<3>&, const std::vector<double>&, FrameCondition);
+template UnitCellTensor effective_stiffness<2>(const Approximation<2>&, const Materials<2>&, FrameCondition,
+                                               const Vector&);
+template UnitCellTensor effective_stiffness<3>(const Approximation<3>&, const Materials<3>&, FrameCondition,
+                                               const Vector&);
+template UnitCellTensor effective_conductivity<2>(const Approximation<2>&, const std::vector<double>&, FrameCondition,
+                                                  const Vector&);
+template UnitCellTensor effective_conductivity<3>(const Approximation<3>&, const std::vector<double>&, FrameCondition,
+                                                  const Vector&);
 
 }  // namespace efree

@@ -280,7 +280,8 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
   result.tensor = result.levels.front().tensor;
   const bool is_mixed = (result.finest().edges - image.spacing).maxCoeff() > 1e-9 * image.spacing.maxCoeff();
   const auto of_levels = [&](std::size_t a, std::size_t b) { return coarsening(cells[a], cells[b]); };
-  estimate_grid_error(result, of_levels, is_mixed, options.smooth ? 1.0 : 0.5);  // corners of voxels: less than one
+  estimate_grid_error(result, kelvin_norm, of_levels, is_mixed,
+                      options.smooth ? 1.0 : 0.5);  // corners of voxels: less than one
   return result;
 }
 
@@ -377,19 +378,20 @@ template <class Average> void average_parts(const LabelImage<3>& image, const Ce
 
 }  // namespace
 
-void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
-                         bool is_mixed, double slowest) {
+void estimate_grid_error(EffectiveTensor& result, const std::function<double(const Matrix&)>& norm,
+                         const std::function<double(std::size_t, std::size_t)>& coarsening, bool is_mixed,
+                         double slowest) {
   result.extrapolated = result.tensor;
   std::vector<std::size_t> chosen{0};
   for (std::size_t l = 1; l < result.levels.size() && chosen.size() < 3; ++l)
     if (coarsening(chosen.back(), l) > 1.6) chosen.push_back(l);
-  const double size = kelvin_norm(result.tensor);
+  const double size = norm(result.tensor);
   if (chosen.size() < 2 || size == 0.0) return;
   const Matrix last = result.levels[chosen[1]].tensor - result.tensor;
-  const double now = kelvin_norm(last), ratio = coarsening(0, chosen[1]);
+  const double now = norm(last), ratio = coarsening(0, chosen[1]);
   double rate = 1.0, before = now;
   if (chosen.size() > 2) {
-    before = kelvin_norm(result.levels[chosen[2]].tensor - result.levels[chosen[1]].tensor);
+    before = norm(result.levels[chosen[2]].tensor - result.levels[chosen[1]].tensor);
     if (now > 0.0) rate = std::clamp(std::log(before / now) / std::log(coarsening(chosen[1], chosen[2])), slowest, 2.0);
   }
   const double share = 1.0 / (std::pow(ratio, rate) - 1.0);

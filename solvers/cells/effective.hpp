@@ -53,12 +53,13 @@ struct EffectiveTensor {
   const EffectiveLevel& finest() const { return levels.front(); }
 };
 
-/// Sets grid_error and extrapolated from the tensors of three levels, each about twice as coarse as the one before;
-/// coarsening(a, b): how much coarser level b is than level a. Where cells mix several voxels (`is_mixed`) errors of
-/// flat interfaces depend on how they happen to cut cells: then differences do not fall steadily, and the last one
-/// alone says too little. Rates are between `slowest` and 2.
-void estimate_grid_error(EffectiveTensor& result, const std::function<double(std::size_t, std::size_t)>& coarsening,
-                         bool is_mixed, double slowest);
+/// Sets grid_error (by a norm of tensors) and extrapolated from the tensors of three levels, each about twice as coarse
+/// as the one before; coarsening(a, b): how much coarser level b is than level a. Where cells mix several voxels
+/// (`is_mixed`) errors of flat interfaces depend on how they happen to cut cells: then differences do not fall
+/// steadily, and the last one alone says too little. Rates are between `slowest` and 2.
+void estimate_grid_error(EffectiveTensor& result, const std::function<double(const Matrix&)>& norm,
+                         const std::function<double(std::size_t, std::size_t)>& coarsening, bool is_mixed,
+                         double slowest);
 
 /// Effective stiffness of an image, `materials` by label, label 0 void; along the image's axes. Trilinear
 /// displacements on a grid of equal cells as of solve_on_cells, with the boundaries inside voxels that box_averages

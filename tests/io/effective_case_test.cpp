@@ -7,7 +7,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 
 namespace efree {
@@ -50,7 +53,11 @@ struct Body : Workspace {
 std::string complaint(const std::string& text, const std::function<int(double, double, double)>& label = Body::fibre) {
   const Body body(text, label);
   try {
-    find_effective(std::get<EffectiveCase>(read_case(body / "case.toml")));
+    std::visit(
+        [](const auto& analysis) {
+          if constexpr (requires { analysis.property; }) find_effective(analysis);
+        },
+        read_case(body / "case.toml"));
   } catch (const InputError& error) {
     return error.what();
   }
@@ -60,26 +67,30 @@ std::string complaint(const std::string& text, const std::function<int(double, d
 }  // namespace
 
 TEST(EffectiveCase, OfAMeshedBodyOfOneMaterialIsItsOwn) {
-  const Workspace work(R"([analysis]
+  for (const char* boundary : {"periodic", "kinematic", "static"}) {
+    const Workspace work(replaced(R"([analysis]
 kind = "effective"
 [effective]
-boundary = "kinematic"
+boundary = "BOUNDARY"
 [geometry]
 shape = "box"
 parameters = { width = 1, depth = 2, height = 3 }
+mesh_size = 0.4
 [material]
 E = 2
 nu = 0.25
 conductivity = 3
-)");
-  const auto run = work.efree({"solve", "case.toml", "--out", "out"});
-  ASSERT_EQ(run.status, 0) << run.output;
-  const auto result = json(work / "out/result.json");
-  EXPECT_NEAR(result["engineering"]["E"][0], 2.0, 1e-6);
-  EXPECT_NEAR(result["tensor"][0][1], 0.8, 1e-6);
-  EXPECT_NEAR(result["tensor"][5][5], 0.8, 1e-6);
-  EXPECT_LT(result["error"]["grid"], 1e-6);
-  EXPECT_NEAR(result["volume_fractions"].front(), 1.0, 1e-9);
+)",
+                                  "BOUNDARY", boundary));
+    const auto run = work.efree({"solve", "case.toml", "--out", "out"});
+    ASSERT_EQ(run.status, 0) << run.output;
+    const auto result = json(work / "out/result.json");
+    EXPECT_NEAR(result["engineering"]["E"][0], 2.0, 1e-8);
+    EXPECT_NEAR(result["tensor"][0][1], 0.8, 1e-8);
+    EXPECT_NEAR(result["tensor"][5][5], 0.8, 1e-8);
+    EXPECT_LT(result["error"]["grid"], 1e-8);
+    EXPECT_NEAR(result["volume_fractions"].front(), 1.0, 1e-9);
+  }
 }
 
 TEST(EffectiveCase, SubvolumesAreOfImagesAndImagesTakeNoMesher) {
@@ -137,7 +148,7 @@ TEST(EffectiveCase, OfSubvolumesSaysHowTheyScatter) {
   const std::string text = replaced(fibres, "boundary = \"periodic\"",
                                     "property = \"conductivity\"\nsubvolumes = 2\nboundary = \"kinematic\"");
   const Body body(text, [](double x, double, double) { return x < 6.0 ? 1 : 2; });
-  const EffectiveResult result = find_effective(std::get<EffectiveCase>(read_case(body / "case.toml")));
+  const EffectiveResult result = find_effective(std::get<EffectiveCase<3>>(read_case(body / "case.toml")));
   ASSERT_TRUE(result.subvolumes);
   EXPECT_EQ(result.subvolumes->count, 8);
   EXPECT_NEAR(result.subvolumes->mean(2, 2), 10.5, 1e-6);
@@ -148,11 +159,211 @@ TEST(EffectiveCase, OfSubvolumesSaysHowTheyScatter) {
 
 TEST(EffectiveCase, SaysAlongWhichAxisVoidCutsIt) {
   const Body body(fibres, [](double x, double, double) { return x < 6.0 ? 1 : x < 9.0 ? 2 : 0; });
-  const EffectiveResult result = find_effective(std::get<EffectiveCase>(read_case(body / "case.toml")));
+  const EffectiveResult result = find_effective(std::get<EffectiveCase<3>>(read_case(body / "case.toml")));
   EXPECT_TRUE(result.is_cut[0]);
   EXPECT_FALSE(result.is_cut[1]);
   EXPECT_EQ(result.inverse.size(), 0);
   EXPECT_THAT(result.warnings.at(0), HasSubstr("no stiffness along x"));
+}
+
+EffectiveResult result_of_planar(const std::filesystem::path& file) {
+  return find_effective(std::get<EffectiveCase<2>>(read_case(file)));
+}
+
+/// Stiffness: isotropic. Conductivity: a series in the fraction of fibres (Perrins, McKenzie & McPhedran 1979).
+TEST(EffectiveCase, OfAHexagonalArrayOfFibresIsIsotropicInThePlane) {
+  const std::filesystem::path file = std::filesystem::path(EFREE_EXAMPLES) / "fibre_composite/case.toml";
+  EffectiveCase<2> analysis = std::get<EffectiveCase<2>>(read_case(file));
+  const EffectiveResult stiffness = find_effective(analysis);
+  EXPECT_EQ(stiffness.plane_nearest, PlaneSymmetryClass::isotropic);
+  EXPECT_LT(stiffness.plane_symmetry->distances[0], 1e-3);
+  EXPECT_LT(stiffness.tensor.grid_error, 0.02);
+  const Workspace work(replaced(R"([analysis]
+kind = "effective"
+[effective]
+property = "conductivity"
+[geometry]
+file = "CELL"
+parameters = { fraction = 0.6 }
+mesh_size = 0.05
+[[material]]
+region = "matrix"
+conductivity = 1
+[[material]]
+region = "fibres"
+conductivity = 10
+)",
+                                "CELL", (file.parent_path() / "cell.geo").string()));
+  const EffectiveResult result = result_of_planar(work / "case.toml");
+  const double f = 0.6, T = -11.0 / 9.0,
+               exact = 1.0 - 2.0 * f /
+                                 (T + f - 0.075422 * std::pow(f, 6) * T / (T * T - 1.060283 * std::pow(f, 12)) -
+                                  0.000076 * std::pow(f, 12) / T);
+  EXPECT_NEAR(result.tensor.tensor(0, 0), exact, 0.005 * exact);
+  EXPECT_NEAR(result.tensor.tensor(1, 1), exact, 0.005 * exact);
+  EXPECT_NEAR(result.tensor.tensor(0, 0), exact, 1.5 * result.tensor.grid_error * exact);
+  EXPECT_LT(result.tensor.grid_error, 0.01);
+  EXPECT_GT(result.tensor.tensor(0, 0), result.conductivity_bounds->hashin_shtrikman[0]);
+  EXPECT_LT(result.tensor.tensor(0, 0), result.conductivity_bounds->hashin_shtrikman[1]);
+}
+
+/// sqrt(k1 k2) (Keller 1964). The field is singular where four squares meet: cells of a file that grow from there.
+TEST(EffectiveCase, OfACheckerboardIsTheGeometricMean) {
+  const Workspace work(R"([analysis]
+kind = "effective"
+[effective]
+property = "conductivity"
+[geometry]
+file = "board.geo"
+[[material]]
+region = "a"
+conductivity = 1
+[[material]]
+region = "b"
+conductivity = 10
+)");
+  std::ofstream(work / "board.geo") << R"(
+For i In {0:2}
+  For j In {0:2}
+    Point(1 + i + 3 * j) = {0.5 * i, 0.5 * j, 0};
+  EndFor
+EndFor
+For j In {0:2}
+  Line(1 + 2 * j) = {1 + 3 * j, 2 + 3 * j};
+  Line(2 + 2 * j) = {2 + 3 * j, 3 + 3 * j};
+  Line(11 + 2 * j) = {1 + j, 4 + j};
+  Line(12 + 2 * j) = {4 + j, 7 + j};
+EndFor
+Curve Loop(1) = {1, 13, -3, -11}; Plane Surface(1) = {1};
+Curve Loop(2) = {2, 15, -4, -13}; Plane Surface(2) = {2};
+Curve Loop(3) = {3, 14, -5, -12}; Plane Surface(3) = {3};
+Curve Loop(4) = {4, 16, -6, -14}; Plane Surface(4) = {4};
+Physical Surface("a") = {1, 4};
+Physical Surface("b") = {2, 3};
+Field[1] = Distance; Field[1].PointsList = {1:9};
+Field[2] = MathEval; Field[2].F = "0.0005 + 0.2 * F1";
+Background Field = 2;
+Mesh.MeshSizeExtendFromBoundary = 0; Mesh.MeshSizeFromPoints = 0;
+)";
+  const EffectiveResult result = result_of_planar(work / "case.toml");
+  const double exact = std::sqrt(10.0);
+  for (int d = 0; d < 2; ++d) {
+    EXPECT_NEAR(result.tensor.tensor(d, d), exact, 0.005 * exact);
+    EXPECT_LT(std::abs(result.tensor.tensor(d, d) - exact), result.tensor.grid_error * exact);
+  }
+}
+
+/// Layers along y of a planar image, in plane strain and stress, by the closed form for both (Backus 1962).
+TEST(EffectiveCase, OfLayersInThePlaneIsExact) {
+  const std::string layers = R"([analysis]
+kind = "effective"
+plane = "PLANE"
+[effective]
+boundary = "periodic"
+[geometry]
+file = "layers.raw"
+mesh_size = 0.4
+image = { raw = { size = [2, 4], type = "uint8" }, regions = { 1 = "a", 2 = "b" } }
+[[material]]
+region = "a"
+E = 1
+nu = 0.3
+[[material]]
+region = "b"
+E = 10
+nu = 0.2
+)";
+  for (const bool is_stress : {false, true}) {
+    const Workspace work(replaced(layers, "PLANE", is_stress ? "stress" : "strain"));
+    std::ofstream(work / "layers.raw", std::ios::binary) << "\1\1\1\1\1\1\2\2";
+    const auto run = work.efree({"solve", "case.toml", "--out", "out", "--quiet"});
+    ASSERT_EQ(run.status, 0) << run.output;
+    const auto result = json(work / "out/result.json");
+    const auto stiffness = [&](double E, double nu) {
+      const double e = is_stress ? E : E / (1.0 - nu * nu), n = is_stress ? nu : nu / (1.0 - nu);
+      return Vec<2>(e / (1.0 - n * n), n);  // along one axis, and the ratio of the other stress to it
+    };
+    const Vec<2> a = stiffness(1.0, 0.3), b = stiffness(10.0, 0.2);
+    const double M = 1.0 / (0.75 / a[0] + 0.25 / b[0]), ratio = 0.75 * a[1] + 0.25 * b[1],
+                 G = 1.0 / (0.75 * 2.6 + 0.25 * 2.4 / 10.0),
+                 along = 0.75 * a[0] * (1.0 - a[1] * a[1]) + 0.25 * b[0] * (1.0 - b[1] * b[1]) + ratio * ratio * M;
+    EXPECT_EQ(result["plane"], is_stress ? "stress" : "strain");
+    EXPECT_NEAR(result["tensor"][1][1], M, 1e-8);
+    EXPECT_NEAR(result["tensor"][0][1], ratio * M, 1e-8);
+    EXPECT_NEAR(result["tensor"][0][0], along, 1e-8);
+    EXPECT_NEAR(result["tensor"][2][2], G, 1e-8);
+    EXPECT_LT(result["error"]["grid"], 1e-8);
+    EXPECT_EQ(result["symmetry"]["nearest"], "orthotropic");
+    EXPECT_NEAR(result["engineering"]["G"]["xy"], G, 1e-8);
+    EXPECT_NEAR(result["engineering"]["E"][1], M - ratio * ratio * M * M / along, 1e-7);
+    EXPECT_EQ(result["volume_fractions"].size(), 2);
+    for (const char* modulus : {"kappa", "mu"}) {
+      const auto& bounds = result["bounds"][modulus];
+      const double value = result["isotropic_part"][modulus];
+      EXPECT_LT(bounds["reuss_voigt"][0], bounds["hashin_shtrikman"][0]);
+      EXPECT_LT(bounds["hashin_shtrikman"][1], bounds["reuss_voigt"][1]);
+      EXPECT_LT(bounds["reuss_voigt"][0], value);
+      EXPECT_GT(bounds["reuss_voigt"][1], value);
+    }
+  }
+}
+
+/// Conditions in their order (Huet 1990), and the composite cylinders of Hashin & Rosen (1964), whose plane bulk
+/// modulus is Hashin's bound, as the least a square array can have.
+TEST(EffectiveCase, OfAPlanarPictureIsBetweenItsBounds) {
+  const std::string disk = R"([analysis]
+kind = "effective"
+plane = "strain"
+[effective]
+boundary = "BOUNDARY"
+[geometry]
+file = "disk.raw"
+image = { raw = { size = [20, 20], type = "uint8" }, contour = "smooth", regions = { 1 = "matrix", 2 = "disk" } }
+mesh_size = 1.5
+[[material]]
+region = "matrix"
+E = 1
+nu = 0.3
+[[material]]
+region = "disk"
+E = 10
+nu = 0.2
+)";
+  std::vector<EffectiveResult> results;
+  for (const char* boundary : {"static", "periodic", "kinematic"}) {
+    const Workspace work(replaced(disk, "BOUNDARY", boundary));
+    std::ofstream image(work / "disk.raw", std::ios::binary);
+    for (int p = 0; p < 400; ++p) image.put(std::hypot(p % 20 - 9.5, p / 20 - 9.5) < 6.0 ? 2 : 1);
+    image.close();
+    results.push_back(result_of_planar(work / "case.toml"));
+  }
+  for (std::size_t i = 1; i < results.size(); ++i)
+    EXPECT_GT(
+        Eigen::SelfAdjointEigenSolver<Matrix>(results[i].tensor.tensor - results[i - 1].tensor.tensor).eigenvalues()[0],
+        0.0);
+  const EffectiveResult& periodic = results[1];
+  EXPECT_EQ(periodic.plane_nearest, PlaneSymmetryClass::square);
+  EXPECT_GT(periodic.plane_symmetry->kappa, periodic.kappa_bounds->hashin_shtrikman[0]);
+  EXPECT_LT(periodic.plane_symmetry->kappa, 1.02 * periodic.kappa_bounds->hashin_shtrikman[0]);
+  EXPECT_GT(periodic.plane_symmetry->mu, periodic.mu_bounds->hashin_shtrikman[0]);
+}
+
+TEST(EffectiveCase, OfAPlasticMaterialSaysThatItsStiffnessAtRestIsTaken) {
+  const Workspace work(R"([analysis]
+kind = "effective"
+plane = "strain"
+[geometry]
+shape = "rectangle"
+parameters = { width = 1, height = 2 }
+[material]
+model = "j2"
+E = 2
+nu = 0.25
+yield = 0.01
+)");
+  const EffectiveResult result = result_of_planar(work / "case.toml");
+  EXPECT_NEAR(result.tensor.tensor(0, 0), 2.4, 1e-8);
+  EXPECT_THAT(result.warnings, ::testing::Contains(HasSubstr("is not linear, and its stiffness where nothing")));
 }
 
 TEST(EffectiveCase, IsRefusedInOneSentence) {
@@ -167,7 +378,8 @@ TEST(EffectiveCase, IsRefusedInOneSentence) {
   EXPECT_THAT(complaint(replaced(replaced(fibres, "[effective]", "[effective]\nproperty = \"conductivity\""),
                                  "conductivity = 20\n", "")),
               HasSubstr("key \"conductivity\" is missing"));
-  EXPECT_THAT(complaint(replaced(fibres, "size = [12, 12, 12]", "size = [12, 144]")), HasSubstr("planar"));
+  EXPECT_THAT(complaint(replaced(fibres, "size = [12, 12, 12]", "size = [12, 144]")),
+              HasSubstr("key \"plane\" is missing"));
   EXPECT_THAT(complaint(fibres, [](double, double, double) { return 0; }), HasSubstr("all of it is background"));
   EXPECT_THAT(complaint(fibres,
                         [](double x, double y, double z) {
@@ -175,6 +387,22 @@ TEST(EffectiveCase, IsRefusedInOneSentence) {
                         }),
               HasSubstr("the volume has no stiffness"));
   EXPECT_THAT(complaint(replaced(fibres, "\"effective\"", "\"static\"")), HasSubstr("[effective] is for effective"));
+  EXPECT_THAT(complaint(replaced(fibres, "\"effective\"", "\"effective\"\nessential = \"strong\"")),
+              HasSubstr("unknown key \"essential\" in [analysis]"));
+  const auto planar = [](const std::string& more) {
+    return "[analysis]\nkind = \"effective\"\n" + more +
+           "[geometry]\nshape = \"rectangle\"\nparameters = { width = 1, height = 1 }\n";
+  };
+  const std::string steel = "[material]\nE = 2\nnu = 0.25\nconductivity = 3\n";
+  EXPECT_THAT(complaint(planar("plane = \"axisymmetric\"\n") + steel),
+              HasSubstr("plane is \"axisymmetric\", expected \"strain\" or \"stress\""));
+  EXPECT_THAT(complaint(planar("plane = \"strain\"\n[effective]\nsubvolumes = 2\n") + steel),
+              HasSubstr("subvolumes is for images in space; this geometry is planar"));
+  EXPECT_THAT(complaint(planar("plane = \"strain\"\n") + "mesh_ratio = 3\n" + steel),
+              HasSubstr("mesh_ratio is relative to a cloud"));
+  EXPECT_THAT(complaint(planar("[effective]\nproperty = \"conductivity\"\n") +
+                        "[[material]]\nregion = \"x\"\nconductivity = 1\n"),
+              HasSubstr("there is no region \"x\" in the mesh"));
 }
 
 }  // namespace efree

@@ -37,9 +37,11 @@ struct CaseText {
 
 /// Names of planes.
 using PlaneNames = std::vector<std::pair<std::string_view, Plane>>;
-/// Title, places, geometry and plane, which is one of these in 2D.
+/// Title, places, geometry and plane, which is one of these in 2D, and `fallback` if the file does not say it; without
+/// that it has to.
 template <int Dim> void read_common(const CaseText& text, const Section& analysis, const PlaneNames& planes,
-                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry);
+                                    CommonSettings<Dim>& common, MeshSource<Dim>& geometry,
+                                    std::optional<Plane> fallback = std::nullopt);
 
 /// The time in expressions, or why there is none.
 struct ExpressionTime {

@@ -16,6 +16,6 @@ void reject_former_keys(const Section& root);
 
 template <int Dim> Case<Dim> read_static(const CaseText& text);
 template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text);
-EffectiveCase read_effective(const CaseText& text);
+template <int Dim> EffectiveCase<Dim> read_effective(const CaseText& text);
 
 }  // namespace efree::internal
