@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/effective.hpp"
 
+#include "efree/analysis/internal/closed_gaps.hpp"
 #include "efree/analysis/internal/effective_interpretation.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/core/error.hpp"
@@ -167,6 +168,12 @@ EffectiveResult find_effective(const EffectiveSettings<3>& settings, const MadeI
     result.warnings.emplace_back(
         "the error of the grid may be larger than reported: cells hold several voxels, and boundaries between labels "
         "cut them");
+  std::array<Index, 3> cells;
+  for (int d = 0; d < 3; ++d)
+    cells[d] =
+        static_cast<Index>(std::lround(image.image.size[d] * image.image.spacing[d] / result.tensor.finest().edges[d]));
+  if (std::string gaps = internal::closed_gaps(image.image, cells); !gaps.empty())
+    result.warnings.push_back(std::move(gaps));
   result.warnings.insert(result.warnings.end(), image.warnings.begin(), image.warnings.end());
   if (image.image.is_turned())
     result.warnings.emplace_back("the image is turned: the tensor is in its own axes, not in those of the world");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/image_analysis.hpp"
 
+#include "efree/analysis/internal/closed_gaps.hpp"
 #include "efree/analysis/internal/grid_search.hpp"
 #include "efree/analysis/internal/image_parts.hpp"
 #include "efree/analysis/internal/judge.hpp"
@@ -10,7 +11,6 @@
 #include "efree/analysis/prepare.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/clock.hpp"
-#include "efree/geometry/input/narrow_gaps.hpp"
 #include "efree/materials/small_and_finite.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
@@ -225,19 +225,22 @@ void warn_of_bodies(ImageResult& result) {
                     bodies.left_out == 1 ? "a body" : fmt::format("{} bodies", bodies.left_out),
                     bodies.left_out == 1 ? "is" : "are", 100.0 * bodies.left_out_part, text_of(bodies.left_out_at)));
   }
-  const double edge = result.cells->grid.spacing.maxCoeff(), voxel = result.image->spacing.minCoeff();
+  if (bodies.left_out > 0)
+    for (const auto& [name, values] : result.probes)
+      if (values.displacement.isZero(0.0) && values.strain.isZero(0.0))
+        result.warnings.push_back(
+            fmt::format("the probe \"{}\" is in a body that is left out: its displacement and stress are unknown, not "
+                        "zero",
+                        name));
+  const double edge = result.cells->grid.spacing.maxCoeff();
   if (bodies.joined > 0)
     result.warnings.push_back(fmt::format(
         "bodies that do not hang together by faces of voxels are one on the grid, such as that at {}: cells join what "
         "is less than two of them apart; take a smaller mesh_size (now {:.3g}), or keep the largest body "
         "(largest_only)",
         text_of(bodies.joined_at), edge));
-  const NarrowGaps gaps = narrow_gaps(*result.image, result.cells->grid.cubes);
-  if (gaps.area > 0.0)
-    result.warnings.push_back(
-        fmt::format("gaps narrower than two cells are closed by the grid, of an area of {:.3g}, such as one {:.3g} "
-                    "wide at {}: take mesh_size = {:.3g} or less",
-                    gaps.area, gaps.width, text_of(gaps.at), std::min(0.5 * gaps.width, voxel)));
+  if (std::string gaps = closed_gaps(*result.image, result.cells->grid.cubes); !gaps.empty())
+    result.warnings.push_back(std::move(gaps));
 }
 
 /// What makes an answer doubtful, or none.

@@ -139,18 +139,26 @@ void check_dimensions(const std::string& path, const std::string& head) {
     throw InputError(fmt::format("{}: it has {} dimensions (NDims), expected 2 or 3", path, dimensions));
 }
 
-/// Of MetaImage: the directions of its axes, one after the other.
-void read_meta_axes(const std::string& path, PixelValues& v) {
+/// Of MetaImage: the directions of its axes, one after the other. Throws InputError also for edges of voxels that are
+/// not positive, which VTK's reader takes.
+void read_meta_frame(const std::string& path, PixelValues& v) {
   std::ifstream file(path, std::ios::binary);
   for (std::string line; std::getline(file, line) && !line.starts_with("ElementDataFile");) {
     const auto equals = line.find('=');
     const std::string key = line.substr(0, line.find_first_of(" \t="));
-    if (equals == std::string::npos || (key != "TransformMatrix" && key != "Rotation" && key != "Orientation"))
+    const bool is_spacing = key == "ElementSpacing" || key == "ElementSize";
+    if (equals == std::string::npos ||
+        (!is_spacing && key != "TransformMatrix" && key != "Rotation" && key != "Orientation"))
       continue;
     const int dim = v.size[2] > 1 ? 3 : 2;
     std::istringstream numbers(line.substr(equals + 1));
     std::vector<double> values;
     for (double value = 0.0; numbers >> value;) values.push_back(value);
+    if (is_spacing) {
+      if (!std::ranges::all_of(values, [](double edge) { return edge > 0.0; }))
+        throw InputError(fmt::format("{}: {}, expected edges of a voxel > 0", path, line));
+      continue;
+    }
     const int axes = values.size() == 9 ? 3 : 2;
     if (static_cast<int>(values.size()) != axes * axes || axes < dim)
       throw InputError(fmt::format("{}: {}, expected {} numbers", path, line, dim * dim));
@@ -220,7 +228,7 @@ PixelValues read_meta_image(const std::string& path, const std::string& head) {
   v.spacing_from = "MetaImage ElementSpacing";
   v.world = "LPS";  // as ITK, whose format it is, has it
   v.centred = true;
-  read_meta_axes(path, v);
+  read_meta_frame(path, v);
   return v;
 }
 

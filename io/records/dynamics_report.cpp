@@ -4,6 +4,7 @@
 #include "efree/core/memory.hpp"
 #include "efree/core/parallel.hpp"
 #include "efree/io/records/internal/json_array.hpp"
+#include "efree/io/records/internal/region_records.hpp"
 #include "efree/io/records/internal/snake_case.hpp"
 #include "efree/io/records/internal/utilisation_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
@@ -75,6 +76,10 @@ ordered_json energy_json(const Ledger& energies, const EnergyWatch& watch) {
   ordered_json json{{"start", watch.start}};
   for (const auto& energy : energies.energies()) json[snake_case(energy.name)] = energy.value;
   json["total"] = energies.total();
+  double all = 0.0;
+  for (const auto& energy : energies.energies()) all += std::abs(energy.value);
+  if (all > 0.0)
+    for (const auto& energy : energies.energies()) json["fractions"][snake_case(energy.name)] = energy.value / all;
   json["error"] = watch.error();
   json["largest_error"] = watch.largest_error();
   return json;
@@ -152,6 +157,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   for (const auto& pair : contacts.pairs()) json["contacts"].push_back(contact_json<Dim>(pair));
   json["probes"] = probes_json<Dim>(dynamics_case, model);
   json["extremes"] = extremes_json(dynamics);
+  internal::add_regions(model, json);
   internal::add_utilisations(largest_utilisations(model), json);
   json["reports"]["warnings"] = warnings;
   if (const double total = total_time(ledger); total > 0.0)

@@ -7,6 +7,7 @@
 #include "efree/io/records/internal/answer_json.hpp"
 #include "efree/io/records/internal/answer_text.hpp"
 #include "efree/io/records/internal/csv.hpp"
+#include "efree/io/records/internal/region_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
 #include "efree/io/records/writers.hpp"
 #include "efree/solvers/cells/cell_slices.hpp"
@@ -169,11 +170,7 @@ void write_result(const std::filesystem::path& file, const Settings<3>& settings
     internal::add_utilisations(answer.utilisations, to);
   };
   add(result, json);
-  for (std::size_t r = 0; r < result.regions.size(); ++r) {
-    const RegionStresses& of = result.by_cell.regions[r];
-    json["by_region"][result.regions[r]] = {
-        {"volume", of.volume}, {"von_mises", of.von_mises.most}, {"principal_stress", {of.third.least, of.first.most}}};
-  }
+  internal::add_regions(settings.common, result, json);
   internal::add_grids(*result.cells, json);
   internal::add_attempts(result.attempts, json);
   for (std::size_t k = 0; k < settings.cases.size(); ++k)

@@ -8,6 +8,7 @@
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/answer_json.hpp"
 #include "efree/io/records/internal/json_array.hpp"
+#include "efree/io/records/internal/region_records.hpp"
 #include "efree/io/records/internal/utilisation_records.hpp"
 #include "efree/io/records/internal/write_json.hpp"
 
@@ -409,6 +410,7 @@ void write_result(const std::filesystem::path& file, const Settings<Dim>& settin
   if (!result.history.empty()) add_path(result, json);
   if (result.errors) json["errors"] = errors_json(*result.errors);
   add_answer<Dim>(settings.common, result.basis().space, result, json);
+  internal::add_regions<Dim>(settings.common, result, json);
   internal::add_attempts(result.attempts, json);
   if (!result.history.empty())
     for (const auto& reaction : settings.reactions)

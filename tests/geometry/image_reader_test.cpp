@@ -132,6 +132,9 @@ TEST_F(ReadImage, VolumesComeWithTheirSpacing) {
       EXPECT_EQ(image.origin, Vec<3>(0.75, 1.875, 2.0)) << name;
     }
   }
+  std::string negative = meta + "LOCAL\n" + eight;
+  EXPECT_INPUT_ERROR(read_image<3>(put("n.mha", negative.replace(negative.find("0.5 0.25"), 3, "-.5"))),
+                     "ElementSpacing = -.5 0.25 2, expected edges of a voxel > 0");
   EXPECT_INPUT_ERROR(read_image<3>(put("e.nrrd", nrrd + "encoding: ascii\n\n1 0 2 2\n0 1e6 1 1\n")),
                      "the value 1000000 is none of type");
   const LabelImage<3> finer = read_image<3>(put("a.mha", meta + "LOCAL\n" + eight), {.spacing = {0.125}});

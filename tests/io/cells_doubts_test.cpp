@@ -111,6 +111,9 @@ TEST(CellsDoubts, BodiesThatNothingHoldsAreLeftOutAndStayWhereTheyAre) {
   EXPECT_EQ(result["reports"]["free_bodies"], 1);
   EXPECT_NEAR(result["probes"]["tip"]["displacement"][0], 12.0 / 100.0, 4e-3) << "an inner face, of rounded edges";
   EXPECT_NEAR(result["extremes"]["displacement"]["value"], 12.0 / 100.0, 4e-3);
+  const Bar asked(replaced(held, "at = [40, 4, 4]", "at = [24, 4, 4]"),
+                  [](int i, int, int) { return (i >= 12 && i < 20) || i > 28 ? 0 : 1; });
+  EXPECT_THAT(asked.solve(), HasSubstr("the probe \"tip\" is in a body that is left out"));
 }
 
 /// Compliances add up; where the jump is within a cell the strain there is the same on both sides of it.

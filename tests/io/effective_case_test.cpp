@@ -66,6 +66,26 @@ std::string complaint(const std::string& text, const std::function<int(double, d
 
 }  // namespace
 
+TEST(EffectiveCase, GapsThatCellsCloseAreWarnedOf) {
+  const std::string text = R"([analysis]
+kind = "effective"
+[geometry]
+file = "body.raw"
+mesh_size = SIZE
+image = { raw = { size = [12, 12, 12], type = "uint8" } }
+[material]
+E = 1
+nu = 0.3
+)";
+  const auto slit = [](double x, double, double z) { return x > 6.0 && x < 7.0 && z > 2.0 ? 0 : 1; };
+  for (const auto& [size, closed] : {std::pair("2", true), {"0.5", false}}) {
+    const Body body(replaced(text, "SIZE", size), slit);
+    const auto run = body.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+    ASSERT_EQ(run.status, 0) << run.output;
+    EXPECT_EQ(run.output.find("gaps narrower than two cells are closed") != std::string::npos, closed) << run.output;
+  }
+}
+
 TEST(EffectiveCase, OfAMeshedBodyOfOneMaterialIsItsOwn) {
   for (const char* boundary : {"periodic", "kinematic", "static"}) {
     const Workspace work(replaced(R"([analysis]

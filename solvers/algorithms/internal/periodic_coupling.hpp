@@ -34,8 +34,8 @@ struct PeriodicCoupling {
 /// delta = 2 (q + 1)(q + Dim) / Dim * (measure of the cell's facets on such sides) / (its volume) and
 /// A = (delta Q)^-1 of each side, tau = (A_upper + A_lower)^-1 and {t} = tau (A_upper t_upper + A_lower t_lower) leave
 /// at least half of the energy of every w, whatever the contrast and the anisotropy; without the 2 of delta it could be
-/// nothing. Moduli that vary
-/// within a cell have to do so by less than that 2. Without conductivity on one side there is no coupling.
+/// nothing. Moduli that vary within a cell have to do so by less than that 2. Without conductivity on one side there is
+/// no coupling.
 ///
 /// `units`: mean gradients, (components * Dim) x number of loads.
 template <int Dim> PeriodicCoupling couple_sides(const FineSpace<Dim>& space, const Frame<Dim>& frame,
