@@ -135,6 +135,14 @@ class SolidParts {
   std::vector<float> parts_;
 };
 
+/// Of a grid that does not hold the body: corrections are held a little everywhere, and it has no answer of its own.
+void hold_softly(CellProblem& problem) {
+  constexpr float little = 1e-3F;  // of the diagonal
+  problem.holds = false;
+  for (std::size_t i = 0; i < problem.size(); ++i)
+    if (problem.is_free(i)) problem.added.emplace_back(i, little / problem.inverse_diagonal[i]);
+}
+
 /// Sets the loads of all cases. Returns what they are, by case.
 std::vector<std::vector<AppliedLoad<3>>> set_loads(CellProblem& problem, const std::vector<Loads<3>>& cases,
                                                    const PartPatches& patches, const BodyForces& forces, double unit) {
@@ -227,6 +235,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
     const BodiesOnGrid bodies = examine_bodies(problem, image, l == 0, options.held);
     if (l > 0) {
       if (!ratio) match(problem, *problems.grids[l - 1]);
+      if (bodies.free_motions > problems.bodies.free_motions) hold_softly(problem);
       continue;
     }
     problems.applied = std::move(applied);

@@ -77,7 +77,10 @@ void tell_error(CellSolution& solution) {
   if (energy == 0.0) return;
   solution.interface_error = std::sqrt(levels[0].interface_energy / energy);
   solution.extrapolated_energy = softened(levels[0].strain_energy, levels[0]);
-  if (levels.size() < 2) return;
+  if (levels.size() < 2) {
+    solution.grid_error = 1.0;
+    return;
+  }
   const auto potential = [&](std::size_t l) { return softened(levels[l].potential, levels[l]); };
   const double last = potential(1) - potential(0);
   const auto coarsening = [&](std::size_t l) {  // a little less than two for odd numbers of cells
@@ -119,6 +122,7 @@ std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const
     Field u;
     for (std::size_t l = problems.grids.size(); l-- > 0;) {
       const CellProblem& problem = *problems.grids[l];
+      if (!problem.holds) continue;
       u = u.empty() ? zeros<double>(problem.size()) : precondition.prolonged(l, u);
       problem.set_held(u);
       const Iterated iterated = iterate(problem, l, problem.loads[c], precondition, {},

@@ -41,6 +41,7 @@ struct BodiesOnGrid {
   Index left_out = 0;          ///< that nothing holds and nothing loads
   double left_out_part = 0.0;  ///< of the cells with material
   Vec<3> left_out_at{};        ///< a corner of a cell of the largest, in the world
+  int free_motions = 0;        ///< of the largest that something holds or loads, as a whole
   Index joined = 0;            ///< of at least a hundredth of the largest, by faces of voxels, with an earlier one
   Vec<3> joined_at{};          ///< the first voxel of one of these
 };
@@ -71,10 +72,11 @@ struct CellSolution {
   Mat<3> axes = Mat<3>::Identity();  ///< of the image: the grid is turned so about its origin
   Points<3> displacement;  ///< in the world's axes, 3 x points of the grid; continued to points of void next to the
                            ///< body, 0 beyond
-  std::vector<CellLevel> levels;        ///< ascending edges: the answer's own grid first
+  /// Ascending edges: the answer's own grid first. Without grids whose points near the supports do not hold the body.
+  std::vector<CellLevel> levels;
   std::vector<AppliedLoad<3>> applied;  ///< the loads, as the finest grid has them
   /// Relative error in the energy norm that the grid leaves, from the potentials of three grids, less that of
-  /// interfaces.
+  /// interfaces; 1 where no coarser grid holds the body.
   double grid_error = 0.0;
   /// Relative error in the energy norm of cells with several materials: the root of CellLevel::interface_energy over
   /// the strain energy.

@@ -251,6 +251,13 @@ LabelStiffness::LabelStiffness(const LabelImage<3>& image, const std::vector<Sha
       varying.emplace_back(count.label, material);
   }
   if (unit == 0.0) throw InputError("all of the image is void");
+  constexpr double least = 1e-9;
+  for (std::size_t l = 0; l < C.size(); ++l)
+    if (C[l](5, 5) > 0.0 && C[l](5, 5) < least * unit)
+      throw InputError(fmt::format(
+          "the material of label {} is {:.2g} times as stiff as the stiffest, which is lost in rounding on cells: "
+          "expected at least {:g}, or void in its place",
+          l, C[l](5, 5) / unit, least));
   for (std::size_t l = 0; l < C.size(); ++l) {
     if (C[l](5, 5) == 0.0) continue;
     exact_shear[l] = C[l](5, 5) / unit;

@@ -355,11 +355,12 @@ std::vector<float> without_margin(const std::vector<float>& parts, const CellCou
 }
 
 /// Calls average(image, cells), which sets values by part of cells, for the grid of an image. Boundaries inside voxels,
-/// which depend on voxels around, are those of the image as it goes on periodically where that can be done.
-template <class Average> void average_parts(const LabelImage<3>& image, const CellCounts& cells, FrameCondition frame,
+/// which depend on voxels around, are those of the image as it goes on periodically where that can be done and
+/// `goes_on`.
+template <class Average> void average_parts(const LabelImage<3>& image, const CellCounts& cells, bool goes_on,
                                             const Average& average, const std::vector<std::vector<float>*>& parts) {
   constexpr Index around = 2;  // voxels that a boundary depends on
-  bool fits = frame == FrameCondition::periodic;
+  bool fits = goes_on;
   for (int d = 0; d < 3; ++d) fits = fits && cells[d] % image.size[d] == 0;
   if (!fits) {
     average(image, cells);
@@ -374,6 +375,24 @@ template <class Average> void average_parts(const LabelImage<3>& image, const Ce
   }
   average(continued(image, around), all);
   for (std::vector<float>* values : parts) *values = without_margin(*values, size, margin);
+}
+
+/// The rate p between `slowest` and 2 at which differences of three grids, each so many times as coarse as the one
+/// before, fall by `quotient`: that of (ab)^p - a^p to a^p - 1.
+double rate_of(double quotient, double a, double b, double slowest) {
+  double low = slowest, high = 2.0;
+  while (high - low > 1e-3) {
+    const double p = 0.5 * (low + high), falls = std::pow(a, p) * (std::pow(b, p) - 1.0) / (std::pow(a, p) - 1.0);
+    (falls < quotient ? low : high) = p;
+  }
+  return 0.5 * (low + high);
+}
+
+/// Takes off what the grid leaves, unless it is so much of a modulus that grids are not on their way to anything.
+void extrapolate(const Matrix& left, EffectiveTensor& result) {
+  constexpr double most = 0.25;
+  const auto left_of_modulus = left.diagonal().cwiseAbs().array();
+  if ((left_of_modulus <= most * result.tensor.diagonal().array()).all()) result.extrapolated -= left;
 }
 
 }  // namespace
@@ -392,14 +411,14 @@ void estimate_grid_error(EffectiveTensor& result, const std::function<double(con
   double rate = 1.0, before = now;
   if (chosen.size() > 2) {
     before = norm(result.levels[chosen[2]].tensor - result.levels[chosen[1]].tensor);
-    if (now > 0.0) rate = std::clamp(std::log(before / now) / std::log(coarsening(chosen[1], chosen[2])), slowest, 2.0);
+    if (now > 0.0) rate = rate_of(before / now, ratio, coarsening(chosen[1], chosen[2]), slowest);
   }
   const double share = 1.0 / (std::pow(ratio, rate) - 1.0);
   result.grid_error = share * now / size;
   if (is_mixed)
     result.grid_error = std::max(result.grid_error, 0.5 * before / size);  // as if at first order
   else
-    result.extrapolated -= share * last;
+    extrapolate(share * last, result);
 }
 
 EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
@@ -441,7 +460,9 @@ EffectiveTensor effective_stiffness(const LabelImage<3>& image, const std::vecto
       internal::add_isotropic_parts(stiffness.anisotropic, parts);
     } else {
       average_parts(
-          image, n, options.frame,
+          image, n,
+          // Expressions of the place mean nothing outside of the frame.
+          options.frame == FrameCondition::periodic && !stiffness.varies(),
           [&](const LabelImage<3>& of, const CellCounts& by) {
             Parts found = internal::PartsOfImage(of, stiffness, by, 0.0).layers(0, by[2]);
             parts.shear = std::move(found.shear);
@@ -493,7 +514,7 @@ EffectiveTensor effective_conductivity(const LabelImage<3>& image, const std::ve
     else if (!options.smooth)
       parts.shear = voxel_averages(image, scaled, {2 * n[0], 2 * n[1], 2 * n[2]});
     else
-      average_parts(image, n, options.frame,
+      average_parts(image, n, options.frame == FrameCondition::periodic,
                     [&](const LabelImage<3>& of, const CellCounts& by) {
                       parts.shear = box_averages(of, scaled, {2 * by[0], 2 * by[1], 2 * by[2]});
                     },

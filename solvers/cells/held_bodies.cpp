@@ -176,12 +176,17 @@ ConditionsByBody conditions_by_body(const CellProblem& problem, const CellBodies
   return all;
 }
 
+/// How many motions as a whole nothing holds, of their spectrum.
+int free_motions(const BodyConditions& body, const Eigen::Matrix<double, 6, 1>& stiffness) {
+  return static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, body.held.trace())).count());
+}
+
 /// Throws InputError for a body that is loaded but may move, and the `largest`, if it is one, that may move.
 void require_held(const CellProblem& problem, const CellBodies& bodies, const ConditionsByBody& all, Index largest,
                   const Vec<3>& middle, double length) {
   for (const auto& [body, of_body] : all) {
     const auto [stiffness, motions] = spectrum<6>(of_body.held);
-    const auto free = static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, of_body.held.trace())).count());
+    const int free = free_motions(of_body, stiffness);
     const auto names = [&] {
       return fmt::format(
           "{}",
@@ -189,7 +194,9 @@ void require_held(const CellProblem& problem, const CellBodies& bodies, const Co
     };
     if (body == largest && free > 0)
       throw InputError(
-          fmt::format("underconstrained: the body at {} is free to move ({}); prescribe displacements that hold it",
+          fmt::format("underconstrained: the body at {} is free to move ({}); prescribe displacements that hold it, "
+                      "and on parts that are "
+                      "smaller than two cells take a smaller mesh_size",
                       text_of(problem.place(bodies.cell_of(body))), names()));
     for (int m = 0; m < free; ++m)
       for (std::size_t k = 0; k < of_body.load.size(); ++k)
@@ -266,6 +273,8 @@ BodiesOnGrid examine_bodies(CellProblem& problem, const LabelImage<3>& image, bo
     require_held(problem, bodies, all, largest_is_held ? largest : -1, middle, length);
     find_joined(problem, bodies, image, found);
   }
+  if (const auto conditions = all.find(largest); conditions != all.end())
+    found.free_motions = free_motions(conditions->second, eigenvalues<6>(conditions->second.held));
   leave_out(problem, bodies, all, sizes, found);
   return found;
 }

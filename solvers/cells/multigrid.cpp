@@ -93,15 +93,26 @@ void Transfer::transpose(const float* from, float* to, bool squared) const {
 }
 
 void match(GridLevel& coarse, const GridLevel& fine) {
-  constexpr float least = 0.4F;  // of the finer grid's; of whole cells two to one it is 0.6
+  constexpr float least = 0.65F;  // of what the coarse grid mostly has of the finer one's
   SingleField of_fine(fine.size()), wanted(coarse.size());
   for_all(fine.size(), [&](std::size_t i) { of_fine[i] = fine.is_free(i) ? 1.0F / fine.inverse_diagonal[i] : 0.0F; });
   Transfer(coarse, fine).restrict_diagonal(of_fine.data(), wanted.data());
   const std::size_t nodes = coarse.layout().nodes();
+  // How much softer a coarse node is that the finer grid sees whole depends on the axes that are halved and on nu.
+  std::vector<float> mostly;
+  for (int c = 0; c < coarse.components(); ++c) {
+    std::vector<float> softer;
+    for (std::size_t i = c * nodes; i < (c + 1) * nodes; ++i)
+      if (coarse.is_free(i) && wanted[i] > 0.0F) softer.push_back(wanted[i] * coarse.inverse_diagonal[i]);
+    const auto median = softer.begin() + static_cast<std::ptrdiff_t>(softer.size() / 2);
+    std::nth_element(softer.begin(), median, softer.end());
+    mostly.push_back(softer.empty() ? 1.0F : *median);
+  }
   for (std::size_t node = 0; node < nodes; ++node) {
     float softer = 1.0F;  // the same for all components: these may depend on each other
-    for (std::size_t i = node; i < coarse.size(); i += nodes)
-      softer = std::max(softer, least * wanted[i] * coarse.inverse_diagonal[i]);
+    for (int c = 0; c < coarse.components(); ++c)
+      softer =
+          std::max(softer, least * wanted[c * nodes + node] * coarse.inverse_diagonal[c * nodes + node] / mostly[c]);
     if (softer == 1.0F) continue;
     for (std::size_t i = node; i < coarse.size(); i += nodes) {
       if (!coarse.is_free(i)) continue;

@@ -116,6 +116,16 @@ TEST(CellsDoubts, BodiesThatNothingHoldsAreLeftOutAndStayWhereTheyAre) {
   EXPECT_THAT(asked.solve(), HasSubstr("the probe \"tip\" is in a body that is left out"));
 }
 
+/// Two by two voxels hold the bar, of which coarser grids have one point.
+TEST(CellsDoubts, BarsThatASmallPartHoldsAreSolved) {
+  const Bar work(replaced(with_cells("1"), "on = \"left\"", "on = { box = [[0, 3, 3], [0, 5, 5]] }"));
+  EXPECT_THAT(work.solve(), HasSubstr("use a smaller mesh_size"));
+  const auto result = json(work / "out/result.json");
+  EXPECT_LT(result["grids"][0]["iterations"], 40);
+  const double pulled = 8.0 / 100.0 * 5.0;  // of the bar alone
+  EXPECT_GT(result["probes"]["tip"]["displacement"][0], pulled);
+}
+
 /// Compliances add up; where the jump is within a cell the strain there is the same on both sides of it.
 TEST(CellsDoubts, JumpsOfAModulusBetweenPlacesAreInTheErrorAsThoseBetweenLabelsAre) {
   for (const int place : {5, 13})

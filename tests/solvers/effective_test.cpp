@@ -219,6 +219,23 @@ TEST(EffectiveStiffness, OfALaminateThatCutsCellsIsWithinItsStatedError) {
   }
 }
 
+TEST(EffectiveStiffness, TakesModuliWhereTheImageIs) {
+  const auto image = image_of({7, 3, 3}, [](const Vec<3>&) -> Label { return 1; });
+  const SharedMaterial varying(LinearElastic(Parameter([](const Vec<3>& x) { return 1.0 + x[0]; }), 0.0));
+  const EffectiveTensor found = effective_stiffness(image, {{}, varying});
+  EXPECT_NEAR(found.tensor(1, 1), 4.5, 1e-6) << "parallel to the frame's mean, and negative beyond the frame";
+  const double in_series = 7.0 / std::log(8.0);
+  EXPECT_NEAR(found.extrapolated(0, 0), in_series, 0.02 * in_series);
+}
+
+/// Cells of half a voxel are halved along one axis, then two: their differences do not fall by equal ratios.
+TEST(EffectiveStiffness, IsNotExtrapolatedAcrossGridsOfUnequalRatios) {
+  LabelImage<3> image = image_of({31, 1, 29}, [](const Vec<3>& x) -> Label { return int(x[2]) % 2 + 1; });
+  image.spacing = {1.0, 2.0, 0.3};
+  const EffectiveTensor found = effective_stiffness(image, two_materials());
+  for (int i = 0; i < 6; ++i) EXPECT_NEAR(found.extrapolated(i, i), found.tensor(i, i), 0.25 * found.tensor(i, i)) << i;
+}
+
 TEST(EffectiveStiffness, LiesBetweenItsBoundsAndThoseOfOtherConditions) {
   const auto image = ball_of(14, 0.25, 2, 1);
   std::array<Matrix, 3> tensors;

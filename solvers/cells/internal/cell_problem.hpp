@@ -41,6 +41,8 @@ struct CellProblem final : GridLevel {
   Springs springs{};                   ///< of elastic restraints
   std::vector<ObliqueNode> oblique{};  ///< ascending; their three diagonals are the same
   std::vector<Field> loads{};          ///< by case; empty without loads
+  /// Whether the body is held as on the finest grid: a part of the boundary may have too few of a coarse grid's nodes.
+  bool holds = true;
 
   /// Without conditions.
   CellProblem(CellGrid grid, const Vec<3>& origin, const Vec<3>& edges, const Mat<3>& axes, Dilatation dilatation,
