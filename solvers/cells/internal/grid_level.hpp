@@ -62,7 +62,7 @@ class GridLevel {
   /// By degree of freedom, of a diagonal that is nowhere less than K_iso; 0 where nothing is free.
   ShortNumbers inverse_diagonal{};
 
-  /// What preconditioners add to the diagonal (match).
+  /// What preconditioners add to the diagonal, by degree of freedom (match, hold_softly).
   std::vector<std::pair<std::size_t, float>> added{};
 
   bool is_free(std::size_t dof) const { return inverse_diagonal[dof] > 0.0F; }

@@ -33,8 +33,9 @@ class Transfer {
   std::array<Axis, 3> axes_;
 };
 
-/// Adds to the diagonal of a coarse grid where that is far softer than the finer one under the same corrections, whose
-/// cells are not parts of coarse ones: a splinter of material in one cell may be next to a whole cell.
+/// Adds to the diagonal of a coarse grid whose cells are not made of whole finer ones, where it has far less of
+/// diag(P^T D P) than its nodes mostly have: a splinter of material in a coarse cell may be next to a whole finer one,
+/// and corrections there would be far too large.
 void match(GridLevel& coarse, const GridLevel& fine);
 
 /// V-cycles in single precision over grids from fine to coarse, on each of which they can start. Coarser grids than
