@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/image_analysis.hpp"
 
+#include "efree/analysis/internal/by_region.hpp"
 #include "efree/analysis/internal/closed_gaps.hpp"
 #include "efree/analysis/internal/grid_search.hpp"
 #include "efree/analysis/internal/image_parts.hpp"
@@ -198,14 +199,13 @@ std::vector<Loads<3>> cases_by_label(const Settings<3>& settings, const ImageRes
         continue;
       }
       const std::string& name = result.regions[region];
-      const auto of = std::ranges::find(settings.common.materials, name, &RegionMaterial::region);
-      const bool found = of != settings.common.materials.end();
-      const Parameter& density = found ? of->density : settings.common.density;
+      const RegionMaterial* own = material_of(settings.common, name);
+      const Parameter& density = own == nullptr ? settings.common.density : own->density;
       if (density.is_constant() && !(density.at(Vec<3>::Zero()) > 0.0))
         throw InputError(
-            said_at(found ? of->where : settings.common.where,
+            said_at(own == nullptr ? settings.common.where : own->where,
                     fmt::format("analysis.{} needs the density of the material{}", loads.mass_forces.front().kind,
-                                found ? fmt::format(" of the region \"{}\"", name) : "")));
+                                own == nullptr ? "" : fmt::format(" of the region \"{}\"", name))));
       loads.density.push_back(density);
     }
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/settings.hpp"
 
+#include "efree/analysis/internal/by_region.hpp"
+
 #include "efree/analysis/internal/located.hpp"
 #include "efree/core/error.hpp"
 
@@ -18,8 +20,8 @@ std::string text_of(const PathEnd& end) {
 }
 
 template <int Dim> Strength strength_of(const CommonSettings<Dim>& settings, const std::string& region) {
-  const auto found = std::ranges::find(settings.materials, region, &RegionMaterial::region);
-  return found == settings.materials.end() ? settings.strength : found->strength;
+  const RegionMaterial* own = internal::material_of(settings, region);
+  return own == nullptr ? settings.strength : own->strength;
 }
 
 template <int Dim> std::vector<Loads<Dim>> loads_by_case(const Settings<Dim>& settings) {

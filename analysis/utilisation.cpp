@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/utilisation.hpp"
 
+#include "efree/analysis/internal/by_region.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/parallel.hpp"
 
@@ -50,14 +51,6 @@ template <int Dim> std::vector<Strength> strengths(const CommonSettings<Dim>& se
   return result;
 }
 
-/// Region of the mesh by place of the space.
-template <int Dim> std::vector<Index> regions_of_places(const FineSpace<Dim>& space) {
-  std::vector<Index> result(space.num_places(), 0);
-  for (Index c = 0; c < space.mesh().num_cells(); ++c)
-    for (const Index place : space.places(c)) result[place] = space.mesh().region(c);
-  return result;
-}
-
 }  // namespace
 
 template <int Dim> double utilisation(const Strength& strength, const Voigt<Dim>& stress) {
@@ -68,7 +61,7 @@ template <int Dim> Vector utilisation_at_places(const CommonSettings<Dim>& setti
                                                 const Fields<Dim>& fields) {
   const std::vector<Strength> limits = strengths(settings, space.mesh());
   if (limits.empty()) return {};
-  const std::vector<Index> region = regions_of_places(space);
+  const std::vector<Index> region = internal::regions_of_places(space);
   Vector result(fields.stress.cols());
   parallel_for(static_cast<Index>(result.size()),
                [&](Index p) { result[p] = utilisation<Dim>(limits[region[p]], Voigt<Dim>(fields.stress.col(p))); });
@@ -83,7 +76,7 @@ template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const Comm
   if (limits.empty()) return result;
   std::vector<LargestUtilisation<Dim>> largest;
   for (std::size_t r = 0; r < limits.size(); ++r) largest.emplace_back(space.mesh().region_names()[r], limits[r]);
-  const std::vector<Index> region = regions_of_places(space);
+  const std::vector<Index> region = internal::regions_of_places(space);
   for (Index p = 0; p < static_cast<Index>(fields.stress.cols()); ++p)
     largest[region[p]].template add<Dim>(Voigt<Dim>(fields.stress.col(p)), space.points().col(space.dof_at(p)));
   for (const auto& one : largest) one.put_into(result);

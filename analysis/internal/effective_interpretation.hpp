@@ -25,7 +25,7 @@ double size_of(const Matrix& tensor, EffectiveProperty property);
 void interpret(EffectiveProperty property, EffectiveResult& result);
 
 /// Sets the bounds where all phases are isotropic and homogeneous; warns of nearly incompressible ones, which lock, and
-/// of materials that are not linear, of which the stiffness at rest is taken.
+/// of materials that are not linear, whose stiffness in the reference configuration is taken.
 void find_bounds(EffectiveProperty property, Plane plane, const std::vector<EffectivePhase>& phases,
                  EffectiveResult& result);
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/internal/region_records.hpp"
 
+#include "efree/analysis/internal/by_region.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/io/records/internal/json_array.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <optional>
 #include <string>
 
 namespace efree::internal {
@@ -33,18 +34,21 @@ nlohmann::ordered_json StressSpread::json() const {
 namespace {
 
 template <int Dim> Parameter density_of(const CommonSettings<Dim>& settings, const std::string& region) {
-  const auto found = std::ranges::find(settings.materials, region, &RegionMaterial::region);
-  return found == settings.materials.end() ? settings.density : found->density;
+  const RegionMaterial* own = material_of(settings, region);
+  return own == nullptr ? settings.density : own->density;
 }
-bool is_said(const Parameter& density) {
+bool is_given(const Parameter& density) {
   return !density.is_constant() || density.at(Vec<3>::Zero()) > 0.0;
 }
 
-/// What some points of a region with stresses add up to.
-template <int Dim> struct RegionSums {
-  double measure = 0.0, mass = 0.0, von_mises = 0.0, first = 0.0, third = 0.0;
-  Vec<Dim> at = Vec<Dim>::Zero();
-  bool any = false;
+/// Numbers of a region, from points with stresses or taken over from elsewhere.
+template <int Dim> struct RegionNumbers {
+  double measure = 0.0;             ///< area or volume
+  std::optional<double> mass{};     ///< where it is known
+  double von_mises = 0.0;           ///< the largest
+  Vec<Dim> at = Vec<Dim>::Zero();   ///< where that is
+  double first = 0.0, third = 0.0;  ///< the largest first and the smallest third principal stress
+  bool any = false;                 ///< whether there was a point
 
   template <int StressDim> void add(const Voigt<StressDim>& stress, const Vec<Dim>& x, double of_point) {
     measure += of_point;
@@ -55,9 +59,9 @@ template <int Dim> struct RegionSums {
     third = any ? std::min(third, least) : least;
     any = true;
   }
-  nlohmann::ordered_json json(const char* measured, bool has_mass, const StressSpread& spread) const {
+  nlohmann::ordered_json json(const char* measured, const StressSpread& spread) const {
     nlohmann::ordered_json json{{measured, measure}};
-    if (has_mass) json["mass"] = mass;
+    if (mass) json["mass"] = *mass;
     json["von_mises"] = von_mises;
     json["von_mises_at"] = json_array(at);
     json["principal_stress"] = {third, first};
@@ -72,37 +76,38 @@ template <int Dim>
 void add_regions(const CommonSettings<Dim>& settings, const Result<Dim>& result, nlohmann::ordered_json& json) {
   const FineSpace<Dim>& space = result.basis().space;
   const FineMesh<Dim>& mesh = space.mesh();
-  std::vector<Index> region(space.num_places(), 0);
+  const std::vector<Index> region = regions_of_places(space);
   Vector measure = Vector::Zero(space.num_places());
   for (Index c = 0; c < mesh.num_cells(); ++c) {
     const auto places = space.places(c);
-    for (const Index place : places) {
-      region[place] = mesh.region(c);
-      measure[place] += space.volume(c) / static_cast<double>(places.size());
-    }
+    for (const Index place : places) measure[place] += space.volume(c) / static_cast<double>(places.size());
   }
-  std::vector<RegionSums<Dim>> sums(mesh.num_regions());
+  std::vector<RegionNumbers<Dim>> numbers(mesh.num_regions());
   std::vector<Parameter> density;
-  for (const std::string& name : mesh.region_names()) density.push_back(density_of(settings, name));
+  for (std::size_t r = 0; r < numbers.size(); ++r) {
+    density.push_back(density_of(settings, mesh.region_names()[r]));
+    if (is_given(density[r])) numbers[r].mass = 0.0;
+  }
   const auto for_places = [&](const auto& take) {
     for (Index p = 0; p < static_cast<Index>(result.fields.stress.cols()); ++p)
       take(region[p], Voigt<Dim>(result.fields.stress.col(p)), Vec<Dim>(space.points().col(space.dof_at(p))),
            measure[p]);
   };
   for_places([&](Index r, const Voigt<Dim>& stress, const Vec<Dim>& x, double of_place) {
-    sums[r].template add<Dim>(stress, x, of_place);
+    numbers[r].template add<Dim>(stress, x, of_place);
+    if (!numbers[r].mass) return;
     Vec<3> X = Vec<3>::Zero();
     X.template head<Dim>() = x;
-    sums[r].mass += density[r].at(X) * of_place;
+    *numbers[r].mass += density[r].at(X) * of_place;
   });
   std::vector<StressSpread> spread;
-  for (const RegionSums<Dim>& of : sums) spread.emplace_back(of.von_mises);
+  for (const RegionNumbers<Dim>& of : numbers) spread.emplace_back(of.von_mises);
   for_places([&](Index r, const Voigt<Dim>& stress, const Vec<Dim>&, double of_place) {
     spread[r].add(von_mises<Dim>(stress), of_place);
   });
-  for (std::size_t r = 0; r < sums.size(); ++r)
+  for (std::size_t r = 0; r < numbers.size(); ++r)
     json["by_region"][mesh.region_names()[r]] =
-        sums[r].json(Dim == 2 && !space.axisymmetric() ? "area" : "volume", is_said(density[r]), spread[r]);
+        numbers[r].json(Dim == 2 && !space.axisymmetric() ? "area" : "volume", spread[r]);
 }
 
 void add_regions(const CommonSettings<3>& settings, const ImageResult& result, nlohmann::ordered_json& json) {
@@ -114,14 +119,14 @@ void add_regions(const CommonSettings<3>& settings, const ImageResult& result, n
     if (fields.region[c] >= 0) spread[fields.region[c]].add(fields.von_mises[c], fields.solid[c] * cell);
   for (std::size_t r = 0; r < result.regions.size(); ++r) {
     const RegionStresses& of = fields.regions[r];
-    nlohmann::ordered_json& region = json["by_region"][result.regions[r]];
-    region["volume"] = of.volume;
-    if (const Parameter density = density_of(settings, result.regions[r]); density.is_constant() && is_said(density))
-      region["mass"] = of.volume * density.at(Vec<3>::Zero());
-    region["von_mises"] = of.von_mises.most;
-    region["von_mises_at"] = json_array(of.von_mises.most_at);
-    region["principal_stress"] = {of.third.least, of.first.most};
-    region["von_mises_quantiles"] = spread[r].json();
+    RegionNumbers<3> numbers{.measure = of.volume,
+                             .von_mises = of.von_mises.most,
+                             .at = of.von_mises.most_at,
+                             .first = of.first.most,
+                             .third = of.third.least};
+    if (const Parameter density = density_of(settings, result.regions[r]); density.is_constant() && is_given(density))
+      numbers.mass = of.volume * density.at(Vec<3>::Zero());
+    json["by_region"][result.regions[r]] = numbers.json("volume", spread[r]);
   }
 }
 
@@ -136,15 +141,15 @@ template <int Dim> void add_regions(const DynamicsModel<Dim>& model, nlohmann::o
       mass[dynamics.world().point_number(chunk, p)] = chunk.matter.mass[p];
     }
   for (Index b = 0; b < dynamics.num_bodies(); ++b) {
-    RegionSums<Dim> sums;
+    RegionNumbers<Dim> numbers{.mass = 0.0};
     const Index begin = dynamics.first_point(b), end = dynamics.first_point(b + 1);
     for (Index p = begin; p < end; ++p) {
-      sums.template add<3>(stress_of<3>(sigma.col(p)), points.col(p), volume[p]);
-      sums.mass += mass[p];
+      numbers.template add<3>(stress_of<3>(sigma.col(p)), points.col(p), volume[p]);
+      *numbers.mass += mass[p];
     }
-    StressSpread spread(sums.von_mises);
+    StressSpread spread(numbers.von_mises);
     for (Index p = begin; p < end; ++p) spread.add(von_mises<3>(stress_of<3>(sigma.col(p))), volume[p]);
-    json["by_region"][model.names[b]] = sums.json("volume", true, spread);
+    json["by_region"][model.names[b]] = numbers.json("volume", spread);
   }
 }
 

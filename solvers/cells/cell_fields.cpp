@@ -29,10 +29,6 @@ BoxAverages part_of_region(const CellSolution& solution, const LabelImage<3>& im
   return {image, counts, inside, octants_of(n)};
 }
 
-}  // namespace
-
-namespace {
-
 Lattice grid_of(const CellSolution& solution, std::size_t level) {
   Lattice grid = solution.grid;
   for (int d = 0; d < 3; ++d)

@@ -108,7 +108,7 @@ Index CellProblem::num_cells() const {
 
 namespace {
 
-/// How much of each part of the finest grid is material: noted while stiffnesses are found, if these tell it.
+/// How much of each part of a grid is material: noted while stiffnesses are found, if these tell it.
 class SolidParts {
  public:
   SolidParts(const LabelImage<3>& image, const LabelStiffness& stiffness, const PartsOfImage& of_image,
@@ -135,8 +135,9 @@ class SolidParts {
   std::vector<float> parts_;
 };
 
-/// Of a grid that does not hold the body: corrections are held a little everywhere, and it has no answer of its own.
-void hold_softly(CellProblem& problem) {
+/// Of a grid whose supports leave the body free: its corrections are held by weak springs everywhere, and it has no
+/// solution of its own.
+void add_weak_springs(CellProblem& problem) {
   constexpr float little = 1e-3F;  // of the diagonal
   problem.holds = false;
   for (std::size_t i = 0; i < problem.size(); ++i)
@@ -234,8 +235,8 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
     auto applied = set_loads(problem, cases, patches, *forces, problems.unit);
     const BodiesOnGrid bodies = examine_bodies(problem, image, l == 0, options.held);
     if (l > 0) {
-      if (!ratio) match(problem, *problems.grids[l - 1]);
-      if (bodies.free_motions > problems.bodies.free_motions) hold_softly(problem);
+      if (!ratio) raise_soft_diagonal(problem, *problems.grids[l - 1]);
+      if (bodies.free_motions > problems.bodies.free_motions) add_weak_springs(problem);
       continue;
     }
     problems.applied = std::move(applied);

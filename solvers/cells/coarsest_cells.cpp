@@ -63,14 +63,9 @@ SmallInverse inverse_of(const CellProblem& problem) {
   const auto size = static_cast<Index>(dofs.size());
   SymmetricMatrix K(size, size);
   K.setFromTriplets(entries.begin(), entries.end());
-  return [factor = std::make_shared<const ScaledCholesky>(K, 1), dofs = std::move(dofs)](const SingleField& b,
-                                                                                         SingleField& x) {
-    Vector right(dofs.size());
-    for (std::size_t i = 0; i < dofs.size(); ++i) right[i] = b[dofs[i]];
-    const Vector found = factor->solve(right);
-    std::ranges::fill(x, 0.0F);
-    for (std::size_t i = 0; i < dofs.size(); ++i) x[dofs[i]] = static_cast<float>(found[i]);
-  };
+  return on_unknowns(std::move(dofs), [factor = std::make_shared<const ScaledCholesky>(K, 1)](const Vector& b) {
+    return factor->solve(b);
+  });
 }
 
 }  // namespace efree::internal

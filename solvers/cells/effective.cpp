@@ -205,7 +205,7 @@ EffectiveTensor effective_tensor(const LabelImage<3>& image, const Physics& phys
                        options.frame);
   }
   for (std::size_t l = 1; l < grids.size(); ++l)
-    if (!internal::halvings(cells[l - 1], cells[l])) internal::match(grids[l], grids[l - 1]);
+    if (!internal::halvings(cells[l - 1], cells[l])) internal::raise_soft_diagonal(grids[l], grids[l - 1]);
   if (is_uniform) require_solid_frame(grids[0]);
   std::vector<const GridLevel*> levels;
   for (const FrameGrid& grid : grids) levels.push_back(&grid);

@@ -95,13 +95,8 @@ SmallInverse inverse_of(const FrameGrid& grid) {
   if (unknowns > 0)
     inverse = scale.asDiagonal() * pseudo_inverse<Eigen::Dynamic>(scale.asDiagonal() * K * scale.asDiagonal()) *
               scale.asDiagonal();
-  return [inverse = std::move(inverse), dofs = std::move(dofs)](const SingleField& b, SingleField& x) {
-    Vector right(dofs.size());
-    for (std::size_t i = 0; i < dofs.size(); ++i) right[i] = b[dofs[i]];
-    const Vector found = inverse * right;
-    std::ranges::fill(x, 0.0F);
-    for (std::size_t i = 0; i < dofs.size(); ++i) x[dofs[i]] = static_cast<float>(found[i]);
-  };
+  return on_unknowns(std::move(dofs),
+                     [inverse = std::move(inverse)](const Vector& b) -> Vector { return inverse * b; });
 }
 
 }  // namespace efree::internal

@@ -92,7 +92,7 @@ void Transfer::transpose(const float* from, float* to, bool squared) const {
   });
 }
 
-void match(GridLevel& coarse, const GridLevel& fine) {
+void raise_soft_diagonal(GridLevel& coarse, const GridLevel& fine) {
   constexpr float least = 0.65F;  // of what the coarse grid mostly has of the finer one's
   SingleField of_fine(fine.size()), wanted(coarse.size());
   for_all(fine.size(), [&](std::size_t i) { of_fine[i] = fine.is_free(i) ? 1.0F / fine.inverse_diagonal[i] : 0.0F; });

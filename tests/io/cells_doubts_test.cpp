@@ -116,7 +116,7 @@ TEST(CellsDoubts, BodiesThatNothingHoldsAreLeftOutAndStayWhereTheyAre) {
   EXPECT_THAT(asked.solve(), HasSubstr("the probe \"tip\" is in a body that is left out"));
 }
 
-/// Two by two voxels hold the bar, of which coarser grids have one point.
+/// A support of two by two voxels, of which coarser grids have one point.
 TEST(CellsDoubts, BarsThatASmallPartHoldsAreSolved) {
   const Bar work(replaced(with_cells("1"), "on = \"left\"", "on = { box = [[0, 3, 3], [0, 5, 5]] }"));
   EXPECT_THAT(work.solve(), HasSubstr("use a smaller mesh_size"));

@@ -29,7 +29,7 @@ class StressSpread {
   std::array<double, bins> volume_{};
 };
 
-/// by_region.NAME: area (in the plane) or volume, mass where a density is said, the largest von Mises stress and its
+/// by_region.NAME: area (in the plane) or volume, mass where a density is given, the largest von Mises stress and its
 /// place, the smallest and largest principal stress, and quantiles of the von Mises stress, at the places of the
 /// fields.
 template <int Dim>

@@ -5,6 +5,7 @@
 #include "efree/solvers/cells/internal/cell_grid.hpp"
 #include "efree/solvers/cells/internal/grid_fields.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <functional>
@@ -62,7 +63,7 @@ class GridLevel {
   /// By degree of freedom, of a diagonal that is nowhere less than K_iso; 0 where nothing is free.
   ShortNumbers inverse_diagonal{};
 
-  /// What preconditioners add to the diagonal, by degree of freedom (match, hold_softly).
+  /// What preconditioners add to the diagonal, by degree of freedom (raise_soft_diagonal, add_weak_springs).
   std::vector<std::pair<std::size_t, float>> added{};
 
   bool is_free(std::size_t dof) const { return inverse_diagonal[dof] > 0.0F; }
@@ -78,5 +79,15 @@ class GridLevel {
 
 /// An approximate inverse of K_iso with local dilatations on a small grid, symmetric and not negative: sets x from b.
 using SmallInverse = std::function<void(const SingleField& b, SingleField& x)>;
+/// From one of the unknowns alone, which are these degrees of freedom; x is 0 at the others.
+template <class Solve> SmallInverse on_unknowns(std::vector<std::size_t> dofs, Solve solve) {
+  return [dofs = std::move(dofs), solve = std::move(solve)](const SingleField& b, SingleField& x) {
+    Vector right(dofs.size());
+    for (std::size_t i = 0; i < dofs.size(); ++i) right[i] = b[dofs[i]];
+    const Vector found = solve(right);
+    std::ranges::fill(x, 0.0F);
+    for (std::size_t i = 0; i < dofs.size(); ++i) x[dofs[i]] = static_cast<float>(found[i]);
+  };
+}
 
 }  // namespace efree::internal

@@ -36,7 +36,7 @@ class Transfer {
 /// Adds to the diagonal of a coarse grid whose cells are not made of whole finer ones, where it has far less of
 /// diag(P^T D P) than its nodes mostly have: a splinter of material in a coarse cell may be next to a whole finer one,
 /// and corrections there would be far too large.
-void match(GridLevel& coarse, const GridLevel& fine);
+void raise_soft_diagonal(GridLevel& coarse, const GridLevel& fine);
 
 /// V-cycles in single precision over grids from fine to coarse, on each of which they can start. Coarser grids than
 /// that have local dilatations: what they would add to fields without mean dilatation is not free of it on finer ones.
