@@ -145,9 +145,8 @@ template <int Dim> struct DynamicsSettings {
   std::vector<BoundaryLoad<Dim>> boundary_loads{};
   std::vector<GasFilling> gases{};
   std::vector<DynamicsProbe<Dim>> probes{};
-  std::string colour{};        ///< field of points in pictures; empty: plastic strain if there is one, else von Mises
-  Index frames = 20;           ///< over the run, besides that of the start
-  Index history_lines = 1000;  ///< likewise, at most
+  Index frames = 20;                  ///< over the run, besides that of the start
+  Index history_lines = 1000;         ///< likewise, at most
   double checkpoint_interval = 60.0;  ///< [s]; infinity: no checkpoint but where a run is stopped
   double time_limit = std::numeric_limits<double>::infinity();  ///< [s] after which it is stopped
 };

@@ -352,7 +352,6 @@ std::pair<ProbeNode<Dim>, double> nearest_node(const DynamicsProbe<Dim>& probe, 
 
 /// Checks the probes, and finds their nodes.
 template <int Dim> void set_up_probes(const DynamicsSettings<Dim>& settings, DynamicsModel<Dim>& model) {
-  check_field(model, settings.colour, where_said(settings.common, "output.colour"));
   for (const auto& probe : settings.probes) {
     check_field(model, probe.field, probe.where);
     if (!probe.region.empty() && std::ranges::find(model.names, probe.region) == model.names.end())

@@ -98,6 +98,20 @@ std::vector<Utilisation<3>> largest_utilisations(const CommonSettings<3>& settin
   return result;
 }
 
+std::vector<float> utilisation_of_cells(const CommonSettings<3>& settings, const std::vector<std::string>& regions,
+                                        const CellFields& fields) {
+  std::vector<Strength> strengths;
+  for (const std::string& region : regions) strengths.push_back(strength_of(settings, region));
+  if (std::ranges::none_of(strengths, &Strength::is_given)) return {};
+  std::vector<float> all(fields.region.size(), 0.0F);
+  parallel_for(static_cast<Index>(all.size()), [&](Index c) {
+    if (fields.region[c] >= 0)
+      all[c] = static_cast<float>(
+          utilisation<3>(strengths[fields.region[c]], Voigt<3>(fields.stress.col(c).cast<double>())));
+  });
+  return all;
+}
+
 template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const Tensors sigma = dynamics.cauchy_stress();

@@ -30,6 +30,10 @@ template <int Dim> struct Utilisation {
 template <int Dim> Vector utilisation_at_places(const CommonSettings<Dim>& settings, const FineSpace<Dim>& space,
                                                 const Fields<Dim>& fields);
 
+/// By cell of an image with these regions: of the mean stress; 0 in void. Empty: none has one.
+std::vector<float> utilisation_of_cells(const CommonSettings<3>& settings, const std::vector<std::string>& regions,
+                                        const CellFields& fields);
+
 /// Of the regions whose material has a strength, in the order of the mesh.
 template <int Dim> std::vector<Utilisation<Dim>> largest_utilisations(const CommonSettings<Dim>& settings,
                                                                       const FineSpace<Dim>& space,

@@ -23,6 +23,7 @@
 #include <future>
 #include <new>
 #include <optional>
+#include <regex>
 #include <string>
 #include <thread>
 #include <utility>
@@ -30,6 +31,28 @@
 
 namespace efree {
 namespace {
+
+/// The pictures of a static case: those that it names, or von Mises' stress and the error, where the result has one.
+/// Adds warnings of those that there cannot be.
+template <int Dim, class AnyResult> void draw_pictures(const OutputDirectory& out, const Case<Dim>& analysis,
+                                                       const AnyResult& result, std::vector<std::string>& warnings) {
+  if (analysis.pictures.empty()) {
+    draw_result(out.file("fields.png"), {.field = "von_mises"}, analysis, result);
+    draw_result(out.file("error.png"), {.field = "error"}, analysis, result);
+  }
+  for (const PictureOptions& options : analysis.pictures)
+    if (!draw_result(out.file(fmt::format("picture_{}.png", options.name)), options, analysis, result))
+      warnings.push_back(fmt::format("{}: no picture \"{}\": the result has no field \"{}\"", options.where,
+                                     options.name, options.field));
+}
+/// Older files of a static case that this run may not write.
+void supersede_statics(OutputDirectory& out) {
+  for (const char* other :
+       {"fields.png", "error.png", "history.png", "history.csv", "fields.vtu", "fields.vti", "nodes.vtu", "slices.csv"})
+    out.supersede(other);
+  static const std::regex picture("picture_[-A-Za-z0-9_]+[.]png");
+  out.supersede_all([](const std::string& name) { return std::regex_match(name, picture); });
+}
 
 /// How a run ended.
 struct RunEnd {
@@ -101,7 +124,7 @@ template <int Dim> class StaticRun final : public CaseRun {
     Result<Dim> result = analyse(case_, monitor);
     for (const std::string& line : describe_result<Dim>(case_, result)) monitor.say(line);
     say_warnings(result.warnings, display);
-    write(result, out, monitor);
+    write(result, out, monitor, display);
     return {.failure = result.refusal,
             .rejected_by = result.refusal.empty()   ? ""
                            : result.history.empty() ? "correction"
@@ -113,14 +136,13 @@ template <int Dim> class StaticRun final : public CaseRun {
   void remove_unfinished() override { record_.forget(); }
 
  private:
-  void write(Result<Dim>& result, OutputDirectory& out, const Monitor& monitor) const {
+  void write(Result<Dim>& result, OutputDirectory& out, const Monitor& monitor, Display& display) const {
+    std::vector<std::string> warnings;
     {
       const Stage stage("output", monitor.timing(result.times));
-      for (const char* other : {"fields.png", "error.png", "history.png", "fields.vti", "slices.csv"})
-        out.supersede(other);
+      supersede_statics(out);
       const auto draw = [&] {
-        draw_fields(out.file("fields.png"), case_, result);
-        if (result.error_density.size() > 0) draw_error(out.file("error.png"), case_, result);
+        draw_pictures(out, case_, result, warnings);
         if (!result.history.empty()) draw_history(out.file("history.png"), case_, result.history);
       };
       const auto write_all = [&] {
@@ -130,10 +152,8 @@ template <int Dim> class StaticRun final : public CaseRun {
       // Both only read the result.
       parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) { task == 0 ? write_all() : draw(); });
     }
-    if (result.history.empty())
-      out.supersede("history.csv");
-    else
-      write_history(out.file("history.csv"), case_, result.history);
+    say_warnings(warnings, display);
+    if (!result.history.empty()) write_history(out.file("history.csv"), case_, result.history);
     record_.finish(out, result);
     write_result(out.file("result.json"), case_, result);
   }
@@ -164,17 +184,16 @@ class ImageRun final : public CaseRun {
     say_warnings(result->warnings, display);
     std::optional<FieldsOnMesh> on_mesh;
     if (case_.with_mesh) on_mesh = fields_on_mesh(case_.geometry, case_, *result, monitor.timing(result->times));
+    std::vector<std::string> warnings;
     {
       const Stage stage("output", monitor.timing(result->times));
-      for (const char* other : {"fields.png", "error.png", "history.png", "history.csv", "fields.vtu", "nodes.vtu"})
-        out.supersede(other);
-      const std::filesystem::path fields = out.file("fields.vti"),
-                                  picture = options_.no_picture ? "" : out.file("fields.png");
+      supersede_statics(out);
       parallel_chunks(options_.no_picture ? 1 : 2, 1, [&](Index task, Index) {
-        task == 0 ? write_fields(fields, case_, *result) : draw_fields(picture, case_, *result);
+        task == 0 ? write_fields(out.file("fields.vti"), case_, *result) : draw_pictures(out, case_, *result, warnings);
       });
       if (on_mesh) write_on_mesh(out.file("fields.vtu"), *on_mesh);
     }
+    say_warnings(warnings, display);
     write_slices(out.file("slices.csv"), case_, *result);
     write_result(out.file("result.json"), case_, *result);
     return {.failure = result->refusal, .rejected_by = result->refusal.empty() ? "" : "solve", .has_results = true};
@@ -217,6 +236,7 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     DynamicsModel<Dim> model = build_dynamics_model<Dim>(mesh, case_, monitor);
     for (const std::string& remark : model.remarks) monitor.say(remark);
     monitor.say(describe_model(model));
+    record_.check_pictures(model);
     if (options_.resume) {
       record_.resume(model);
       say_first_step(monitor, model.dynamics.steps(), model.dynamics.time());
@@ -237,7 +257,7 @@ template <int Dim> class ExplicitRun final : public CaseRun {
     say_warnings(warnings, display);
     if (outcome.can_resume) return {.failure = outcome.stop_reason};
     if (outcome.stop_reason.empty()) record_.write_checkpoint(model);
-    record_.finish(out);
+    if (const std::string none = record_.finish(out); !none.empty()) say_warnings({none}, display);
     write_dynamics_result(out.file("result.json"), case_, model, record_.contact_forces(), outcome, warnings, times);
     return {.failure = outcome.stop_reason, .has_results = true};
   }

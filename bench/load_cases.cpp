@@ -70,8 +70,8 @@ template <int Dim> void write(const Settings<Dim>& settings, const Result<Dim>& 
       write_fields(folder / "fields.vtu", settings, result);
       write_nodes(folder / "nodes.vtu", result);
     } else {
-      draw_fields(folder / "fields.png", settings, result);
-      if (result.error_density.size() > 0) draw_error(folder / "error.png", settings, result);
+      draw_result(folder / "fields.png", {.field = "von_mises"}, settings, result);
+      draw_result(folder / "error.png", {.field = "error"}, settings, result);
     }
   });
   write_result(folder / "result.json", settings, result);

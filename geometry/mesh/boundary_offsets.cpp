@@ -34,13 +34,17 @@ template <int Dim> class OffsetFinder {
     std::iota(order_.begin(), order_.end(), 0);
     std::ranges::sort(order_, [&](Index i, Index j) { return is_before(point(i), point(j)); });
   }
-  /// Zero where there is none.
-  Vec<Dim> at(const Vec<Dim>& x) const {
+  /// The column of the offset, -1 where there is none.
+  Index find(const Vec<Dim>& x) const {
     const auto found = std::ranges::lower_bound(
         order_, x, [](const auto& a, const auto& b) { return is_before<Dim>(a, b); },
         [&](Index i) { return point(i); });
-    if (found == order_.end() || point(*found) != x) return Vec<Dim>::Zero();
-    return boundary_.offsets.col(*found);
+    return found == order_.end() || point(*found) != x ? -1 : *found;
+  }
+  /// Zero where there is none.
+  Vec<Dim> at(const Vec<Dim>& x) const {
+    const Index column = find(x);
+    return column < 0 ? Vec<Dim>::Zero() : Vec<Dim>(boundary_.offsets.col(column));
   }
 
  private:
@@ -98,6 +102,27 @@ template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh
   return out;
 }
 
+template <int Dim> CurvedMesh<Dim> scaled(CurvedMesh<Dim> curved, double factor) {
+  const Points<Dim> before = curved.mesh.vertices;
+  Points<Dim>& vertices = curved.mesh.vertices;
+  vertices *= factor;
+  if (curved.boundary.points.cols() == 0) return curved;
+  // Midpoints of edges have to be those of the new vertices to the last digit.
+  const BoundaryOffsets<Dim> old = curved.boundary;
+  const OffsetFinder<Dim> finder(old);
+  for (Index c = 0; c < curved.mesh.cells.cols(); ++c)
+    for (int i = 0; i <= Dim; ++i)
+      for (int j = 0; j <= i; ++j) {
+        const Index a = curved.mesh.cells(i, c), b = curved.mesh.cells(j, c);
+        if (const Index k = finder.find(edge_midpoint<Dim>(before.col(a), before.col(b))); k >= 0)
+          curved.boundary.points.col(k) = edge_midpoint<Dim>(vertices.col(a), vertices.col(b));
+      }
+  curved.boundary.offsets *= factor;
+  return curved;
+}
+
+template CurvedMesh<2> scaled<2>(CurvedMesh<2>, double);
+template CurvedMesh<3> scaled<3>(CurvedMesh<3>, double);
 template Matrix facet_offsets<2>(const FineMesh<2>&, const BoundaryOffsets<2>&);
 template Matrix facet_offsets<3>(const FineMesh<3>&, const BoundaryOffsets<3>&);
 template Matrix normal_offsets<2>(const FineMesh<2>&, const Matrix&);

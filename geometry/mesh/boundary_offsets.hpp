@@ -55,6 +55,9 @@ inline constexpr double largest_smooth_angle = 40.0 * std::numbers::pi / 180.0;
 /// it; its normals there are the means of those of the facets around (Max 1999).
 template <int Dim> BoundaryOffsets<Dim> smooth_offsets(const FineMesh<Dim>& mesh);
 
+/// All lengths times a factor > 0.
+template <int Dim> CurvedMesh<Dim> scaled(CurvedMesh<Dim> curved, double factor);
+
 /// split_long_edges with the offsets of the facets' halves, which stay where the facet was: those of points on
 /// quadratic facets. Facets that belong to no group have offsets along split edges only.
 template <int Dim> CurvedMesh<Dim> split_long_edges(CurvedMesh<Dim> curved, double longest);

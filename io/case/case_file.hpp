@@ -6,6 +6,7 @@
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/effective.hpp"
 #include "efree/analysis/image_analysis.hpp"
+#include "efree/io/case/picture_options.hpp"
 #include "efree/io/confined/reading.hpp"
 
 #include <cstdint>
@@ -29,12 +30,15 @@ struct CaseMark {
 template <int Dim> struct Case : Settings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
-  bool with_mesh = false;  ///< fields are wanted on a mesh, of images, too
+  bool with_mesh = false;                  ///< fields are wanted on a mesh, of images, too
+  std::vector<PictureOptions> pictures{};  ///< instead of those that every case has; none: these
 };
 /// A case of explicit dynamics.
 template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   MeshSource<Dim> geometry;
   CaseMark mark{};
+  std::vector<PictureOptions> pictures{};  ///< of every frame, instead of one; none: that one
+  std::string animation{};                 ///< of the pictures: "webm", "mp4", "gif"; empty: none
 };
 
 /// Effective properties of an image in space, which nothing but `efree inspect` meshes, or of a unit cell.

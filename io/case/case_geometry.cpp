@@ -151,11 +151,34 @@ int shape_dimension(const Section& geometry) {
   geometry.fail("shape", fmt::format("there is no shape \"{}\"; {}", name, suggestion(name, known)));
 }
 
+/// A length in a unit, to 46 bits, as it comes out whatever the unit of both.
+double in_unit(double length, double unit) {
+  constexpr int bits = 46;
+  int exponent = 0;
+  const double mantissa = std::frexp(length / unit, &exponent);
+  return std::ldexp(std::round(std::ldexp(mantissa, bits)), exponent - bits);
+}
+
+/// The shape with these parameters, made in a unit of its own, its longest length: meshers decide by rounded numbers,
+/// and cases in metres and in inches are to have the same mesh.
+template <int Dim> CurvedMesh<Dim> make_shape(const Shape<Dim>& shape, const std::vector<double>& values,
+                                              double longest, double size, double sagitta) {
+  if (values.empty()) return shape.make(values, size, sagitta);  // which has one size only
+  std::vector<double> in_own_unit = values;
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (!shape.parameters[k].whole) in_own_unit[k] = in_unit(values[k], longest);
+  try {
+    return scaled(shape.make(in_own_unit, in_unit(size, longest), sagitta), longest);
+  } catch (const InputError&) {
+    return shape.make(values, size, sagitta);  // says the lengths of the case
+  }
+}
+
 template <int Dim> auto shape_mesh(const Section& geometry) {
   const std::string name = geometry.text("shape");
   refuse(geometry, {"slits", "image", "surface"}, "a built-in shape");
   const auto shapes = all_shapes<Dim>();
-  const Shape<Dim>& shape = *find_shape(shapes, name);
+  const Shape<Dim> shape = *find_shape(shapes, name);
   Section::Keys known;
   for (const ShapeParameter& parameter : shape.parameters) known.push_back(parameter.name);
   if (known.empty()) refuse(geometry, {"parameters"}, fmt::format("the shape \"{}\"", name));
@@ -175,10 +198,10 @@ template <int Dim> auto shape_mesh(const Section& geometry) {
   double longest = known.empty() ? 60.0 : 0.0;  // Cook's membrane has no parameters
   for (std::size_t k = 0; k < values.size(); ++k)
     if (!shape.parameters[k].whole) longest = std::max(longest, values[k]);
-  return [make = shape.make, values, longest, arcs = shape.arcs](const MeshSize& size) {
+  return [shape, values, longest](const MeshSize& size) {
     MadeMesh<Dim> made;
-    const double length = size_or(arcs ? at_most(4.0, size) : size, longest / 20.0, made);
-    CurvedMesh<Dim> curved = make(values, length, size.sagitta_or_natural());
+    const double length = size_or(shape.arcs ? at_most(4.0, size) : size, longest / 20.0, made);
+    CurvedMesh<Dim> curved = make_shape(shape, values, longest, length, size.sagitta_or_natural());
     made.mesh = std::move(curved.mesh);
     made.boundary = std::move(curved.boundary);
     return made;

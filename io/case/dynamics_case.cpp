@@ -6,6 +6,7 @@
 #include "efree/io/case/internal/fracture_reader.hpp"
 #include "efree/io/case/internal/load_reader.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
+#include "efree/io/case/internal/picture_reader.hpp"
 #include "efree/io/case/internal/rigid_reader.hpp"
 
 #include <fmt/format.h>
@@ -362,7 +363,6 @@ template <int Dim> void read_times(const Section& time, const Section& output, D
   dynamics.frames = static_cast<Index>(output.integer("frames", 0, 100000, dynamics.frames));
   dynamics.history_lines = static_cast<Index>(output.integer("history", 0, 10000000, dynamics.history_lines));
   dynamics.checkpoint_interval = output.number("checkpoint", positive, dynamics.checkpoint_interval);
-  dynamics.colour = output.text("colour", "");
 }
 
 /// Of all but [time] and [output], and of the files that the case names.
@@ -391,7 +391,7 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   const Section& root = text.root;
   const Section analysis = root.required_section("analysis", {"kind", "plane", "gravity", "body_force", "rotation"});
   const Section time = root.required_section("time", {"end", "max_step", "min_step"});
-  const Section output = root.section("output", {"frames", "history", "checkpoint", "colour"});
+  const Section output = root.section("output", {"frames", "history", "checkpoint", "pictures", "animation"});
   const auto velocities = root.sections("velocity", {"region", "value"});
   const auto fractures =
       root.sections("fracture", {"region", "toughness", "neighbourhood", "stretch", "strain", "spall"});
@@ -418,6 +418,8 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   read_walls<Dim>(walls, result);
   read_rigid_bodies<Dim>(rigid_bodies, text.folder(), root, result.geometry.grey, result);
   read_times(time, output, result);
+  result.pictures = read_pictures(output, {.solid = Dim == 3});
+  result.animation = output.choice<std::string>("animation", {{"webm", "webm"}, {"mp4", "mp4"}, {"gif", "gif"}}, "");
   read_loads<Dim>(analysis, boundaries, root, result.geometry.grey, places, result);
   read_cloud(root, places, result);
   read_dynamics(root, result);
@@ -455,6 +457,7 @@ void reject_former_keys(const Section& root) {
       {"otm", "shock", "shock in [dynamics]"},
       {"contact", "seizing", "seizing in [otm]"},
       {"contact", "stiffness", "enabled = false in [contact] for bodies that pass through each other, else nothing"},
+      {"output", "colour", "pictures = [{ field = \"von_mises\" }] in [output]"},
   };
   for (const auto& [section, key, place] : former_keys)
     if (root.is_table(section))

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Static analyses.
+#include "efree/analysis/point_field.hpp"
 #include "efree/core/error.hpp"
 #include "efree/io/case/expression.hpp"
 #include "efree/io/case/internal/boundary_reader.hpp"
 #include "efree/io/case/internal/case_parts.hpp"
 #include "efree/io/case/internal/case_readers.hpp"
 #include "efree/io/case/internal/material_reader.hpp"
+#include "efree/io/case/internal/picture_reader.hpp"
 #include "efree/io/case/internal/section.hpp"
 
 #include <fmt/format.h>
@@ -340,6 +342,7 @@ template <int Dim> void read_regime(const Section& analysis, Settings<Dim>& resu
 CaseMark mark_of(const toml::table& table, bool end_is_a_step, const std::filesystem::path& geometry) {
   Fingerprint what, how;
   toml::table rest = table;
+  rest.erase("output");
   if (toml::table* time = rest["time"].as_table()) {
     const toml::table all = *time;
     for (const char* key : {"step", "min_step", "max_step", "max_steps", "stops", "control", "until"}) {
@@ -362,6 +365,27 @@ template <int Dim> void refuse_fluids(const Section& root, const Case<Dim>& resu
   };
   if (root.is_table("material")) refuse(result.common.model.material, root.where("material"));
   for (const RegionMaterial& one : result.common.materials) refuse(one.material, one.where);
+}
+
+/// Fields of the body, of its materials' memories, and those that come with strengths and errors.
+template <int Dim> PictureChoices picture_choices(const Case<Dim>& of) {
+  const CommonSettings<Dim>& common = of.common;
+  PictureChoices choices{
+      .fields = PointField<Dim>::names(common.model.plane == Plane::axisymmetric), .solid = Dim == 3, .at_rest = true};
+  const auto add = [&](const SharedMaterial& material, const Strength& strength) {
+    std::vector<std::string> more;
+    if (strength.is_given()) more.emplace_back("utilisation");
+    if (material && of.time)
+      for (const HistoryPart& part : material->history_parts())
+        if (part.size == 1) more.push_back(part.name);
+    for (const std::string& name : more)
+      if (std::ranges::find(choices.fields, name) == choices.fields.end()) choices.fields.push_back(name);
+  };
+  add(common.model.material, common.strength);
+  for (const RegionMaterial& one : common.materials) add(one.material, one.strength);
+  if (!of.time) choices.fields.emplace_back("error");
+  for (const LoadCase<Dim>& one : of.cases) choices.load_cases.push_back(one.name);
+  return choices;
 }
 
 }  // namespace
@@ -412,7 +436,9 @@ template <int Dim> Case<Dim> read_static(const CaseText& text) {
 
   if (result.time && result.cells == OnCells::always)
     basis.fail("kind", "cells are for linear elasticity: with a [time] take a cloud");
-  if (root.has("output")) result.with_mesh = root.section("output", {"mesh"}).boolean("mesh", false);
+  const Section output = root.section("output", {"mesh", "pictures"});
+  result.with_mesh = output.boolean("mesh", false);
+  result.pictures = read_pictures(output, picture_choices(result));
   read_correction(analysis, result);
   read_cells<Dim>(root, basis, analysis, result);
   read_extremes(analysis, result);

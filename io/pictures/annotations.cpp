@@ -2,10 +2,17 @@
 #include "efree/io/pictures/internal/annotations.hpp"
 
 #include <fmt/format.h>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 namespace efree::internal::drawing {
+
+std::string label_of(const std::string& field, const std::string& unit) {
+  std::string label = field == "von_mises" ? "von Mises stress" : field;
+  std::ranges::replace(label, '_', ' ');
+  return unit.empty() ? label : fmt::format("{} [{}]", label, unit);
+}
 
 void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size) {
   const double side = 0.8 * size;

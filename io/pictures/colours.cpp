@@ -27,11 +27,18 @@ std::array<double, 2> colour_range(const Vector& values) {
   if (finite.empty()) return {0.0, 1.0};
   const auto [least, most] = std::minmax_element(finite.begin(), finite.end());
   std::array<double, 2> range{*least, *most};
-  const auto usual = finite.begin() + static_cast<long>(0.995 * static_cast<double>(finite.size() - 1));
-  std::nth_element(finite.begin(), usual, finite.end());
-  if (range[1] > 1.5 * *usual && *usual > 0.0) range[1] = *usual;
+  const auto quantile = [&](double share) {
+    const auto place = finite.begin() + static_cast<long>(share * static_cast<double>(finite.size() - 1));
+    std::nth_element(finite.begin(), place, finite.end());
+    return *place;
+  };
+  if (const double usual = quantile(0.995); range[1] > 1.5 * usual && usual > 0.0) range[1] = usual;
+  if (const double usual = quantile(0.005); range[0] < 1.5 * usual && usual < 0.0) range[0] = usual;
   // A uniform field would have a scale of round-off.
-  if (range[1] - range[0] <= 1e-6 * std::abs(range[1])) range = {0.0, range[1] > 0.0 ? 1.25 * range[1] : 1.0};
+  if (range[1] - range[0] <= 1e-6 * std::abs(range[1])) {
+    if (range[1] < 0.0) return {1.25 * range[1], 0.0};
+    return {0.0, range[1] > 0.0 ? 1.25 * range[1] : 1.0};
+  }
   return range;
 }
 

@@ -43,7 +43,7 @@ void draw_body(Canvas& canvas, const Projection& at, const CrackedMesh<3>& mesh,
 template <int Dim> void draw_cracks(const std::filesystem::path& file, const CrackPicture<Dim>& picture) {
   constexpr bool solid = Dim == 3;
   const Surface box = corners_of(picture.view);
-  const View view = solid ? oblique(box, {}) : View{};
+  const View view = solid ? best_view(box, {}) : View{};
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;
   const ColourScale scale(picture.range);

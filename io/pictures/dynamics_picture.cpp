@@ -169,6 +169,12 @@ template <int Dim> void draw_skin(Canvas& canvas, const Projection& at, const Bo
 
 }  // namespace
 
+template <int Dim> std::array<double, 2> range_of(const DynamicsPicture<Dim>& picture) {
+  Vector all_values(picture.values.size() + picture.skin.values.size());
+  all_values << picture.values, picture.skin.values;
+  return colour_range(all_values);
+}
+
 template <int Dim> void draw_dynamics(const std::filesystem::path& file, const DynamicsPicture<Dim>& picture) {
   constexpr bool solid = Dim == 3;
   const auto n = static_cast<Index>(picture.points.cols());
@@ -176,7 +182,7 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
   if (picture.axisymmetric)
     for (int k = 0; k < 1 << Dim; ++k)
       if (box.points(0, k) == picture.view.min()[0]) box.points(0, k) = -picture.view.max()[0];
-  const View view = solid ? oblique(box, {}) : View{};
+  const View view = !solid ? View{} : picture.options.view ? view_from(*picture.options.view) : best_view(box, {});
   const Projection at(view, {&box.points}, {0.01 * width, 0.06 * height, 0.85 * width, 0.9 * height});
   Canvas canvas;
   draw_walls(canvas, at, view, picture);
@@ -184,9 +190,7 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
     draw_rigid_bodies(canvas, at, view, picture);
   else
     draw_rigid_bodies(canvas, at, picture);
-  Vector all_values(picture.values.size() + picture.skin.values.size());
-  all_values << picture.values, picture.skin.values;
-  const ColourScale scale(colour_range(all_values));
+  const ColourScale scale(picture.options.range.value());
   const Eigen::VectorXf places = scale.places(picture.values);
   const std::vector<double> sides = picture.axisymmetric ? std::vector<double>{1.0, -1.0} : std::vector<double>{1.0};
   for (const double side : sides) draw_skin(canvas, at, picture.skin, side, picture.axisymmetric, scale);
@@ -221,11 +225,14 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
   canvas.begin_layer();
   draw_scale(canvas, scale);
   canvas.text(picture.title, 50, 1140, 34);
-  canvas.text(picture.field, 1570.0 - 13.0 * static_cast<double>(picture.field.size()), 1060, 26);
+  const std::string label = label_of(picture.options.field, picture.options.unit);
+  canvas.text(label, 1570.0 - 13.0 * static_cast<double>(label.size()), 1060, 26);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }
 
+template std::array<double, 2> range_of<2>(const DynamicsPicture<2>&);
+template std::array<double, 2> range_of<3>(const DynamicsPicture<3>&);
 template void draw_dynamics<2>(const std::filesystem::path&, const DynamicsPicture<2>&);
 template void draw_dynamics<3>(const std::filesystem::path&, const DynamicsPicture<3>&);
 

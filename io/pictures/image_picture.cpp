@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Pictures of images that were solved on cells.
+#include "efree/analysis/point_field.hpp"
+#include "efree/analysis/utilisation.hpp"
 #include "efree/io/pictures/internal/body_picture.hpp"
 #include "efree/io/pictures/picture.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -39,18 +43,28 @@ class CellSkin {
 
   std::vector<Triangle> triangles;
   std::vector<std::size_t> corners;  ///< by point: of the grid
-  std::vector<double> sums, counts;  ///< by point: von Mises stresses of the cells behind, and how many
   std::vector<Face> faces;           ///< by two triangles
+
+  std::size_t cell(const std::array<Index, 3>& at) const {
+    return at[0] +
+           static_cast<std::size_t>(grid_.cubes[0]) * (at[1] + static_cast<std::size_t>(grid_.cubes[1]) * at[2]);
+  }
+  /// By point: means of what by_cell(cell) returns over the faces around it.
+  template <class ByCell> Vector means(const ByCell& by_cell) const {
+    Vector sums = Vector::Zero(std::ssize(corners)), counts = sums;
+    for (std::size_t f = 0; f < faces.size(); ++f) {
+      const double value = by_cell(cell(faces[f].cell));
+      const Triangle &one = triangles[2 * f], &other = triangles[2 * f + 1];
+      for (const Index p : {one[0], one[1], one[2], other[2]}) sums[p] += value, counts[p] += 1.0;
+    }
+    return sums.cwiseQuotient(counts);
+  }
 
  private:
   bool is_solid(const std::array<Index, 3>& at) const {
     for (int d = 0; d < 3; ++d)
       if (at[d] < 0 || at[d] >= grid_.cubes[d]) return false;
     return fields_.solid[cell(at)] >= 0.5F;
-  }
-  std::size_t cell(const std::array<Index, 3>& at) const {
-    return at[0] +
-           static_cast<std::size_t>(grid_.cubes[0]) * (at[1] + static_cast<std::size_t>(grid_.cubes[1]) * at[2]);
   }
   void add_face(const std::array<Index, 3>& at, int side) {
     const int axis = side / 2, first = (axis + 1) % 3, second = (axis + 2) % 3;
@@ -66,11 +80,7 @@ class CellSkin {
       if (point < 0) {
         point = static_cast<Index>(corners.size());
         corners.push_back(place);
-        sums.push_back(0.0);
-        counts.push_back(0.0);
       }
-      sums[point] += static_cast<double>(fields_.von_mises[cell(at)]);
-      counts[point] += 1.0;
       of[c] = point;
     }
     if (side % 2 == 0) std::swap(of[1], of[3]);
@@ -103,17 +113,92 @@ bool is_near(const CellSkin::Face& face, const std::vector<VoxelFacet>& part, co
   return false;
 }
 
+/// A field on the grid of an answer: its values at points of the skin, and its extremes in the whole body.
+class FieldOnCells {
+ public:
+  /// Of points of the grid `corners` by point of the skin, at `points`.
+  FieldOnCells(const ImageAnswer& answer, const CellSkin& skin, const Points<3>& points)
+      : answer_(answer), skin_(skin), points_(points) {}
+
+  Vector values{};
+  std::optional<Peak> largest{}, smallest{};
+
+  /// Of the displacements of the skin.
+  void set_displacement(const PointField<3>& field, const Points<3>& displacement, const std::string& name) {
+    values.resize(displacement.cols());
+    for (Index p = 0; p < values.size(); ++p)
+      values[p] = field(displacement.col(p), Voigt<3>::Zero(), Voigt<3>::Zero());
+    if (name == "displacement") largest = peak(answer_.extremes[0].value, answer_.extremes[0].at);
+  }
+  /// Of by_cell(cell).
+  template <class ByCell> void set_cells(const ByCell& by_cell, const std::string& name) {
+    values = skin_.means(by_cell);
+    const auto& n = answer_.cells->grid.cubes;
+    PlacedRange range;
+    std::array<Index, 3> at;
+    for (at[2] = 0; at[2] < n[2]; ++at[2])
+      for (at[1] = 0; at[1] < n[1]; ++at[1])
+        for (at[0] = 0; at[0] < n[0]; ++at[0])
+          if (const std::size_t cell = skin_.cell(at); answer_.by_cell.solid[cell] >= 0.5F)
+            range.add(by_cell(cell), Vec<3>(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5));
+    const Lattice& grid = answer_.cells->grid;
+    const auto place = [&](const Vec<3>& x) -> Vec<3> {
+      return grid.origin + answer_.cells->axes * grid.spacing.cwiseProduct(x);
+    };
+    largest = peak(range.most, place(range.most_at));
+    smallest = peak(range.least, place(range.least_at));
+    if (name == "von_mises") largest = peak(answer_.extremes[1].value, answer_.extremes[1].at);
+  }
+
+ private:
+  /// With the point of the skin that is nearest to it, if one is as near as the diagonal of a cell.
+  Peak peak(double value, const Vec<3>& at) const {
+    Index nearest = 0;
+    const double distance = std::sqrt((points_.colwise() - at).colwise().squaredNorm().minCoeff(&nearest));
+    return {value, at, distance <= answer_.cells->grid.spacing.norm() ? nearest : -1};
+  }
+
+  const ImageAnswer& answer_;
+  const CellSkin& skin_;
+  const Points<3>& points_;
+};
+
+/// The field that the options name; false if there is none.
+bool find_field(const PictureOptions& options, const Settings<3>& settings, const ImageResult& result,
+                const ImageAnswer& answer, const Points<3>& displacement, FieldOnCells& field) {
+  const CellFields& cells = answer.by_cell;
+  if (const auto at_points = PointField<3>::find(options.field, false)) {
+    if (at_points->is_of_displacement())
+      field.set_displacement(*at_points, displacement, options.field);
+    else
+      field.set_cells(
+          [&](std::size_t c) {
+            const auto cell = static_cast<Eigen::Index>(c);
+            return (*at_points)(Vec<3>::Zero(), cells.strain.col(cell).cast<double>(),
+                                cells.stress.col(cell).cast<double>());
+          },
+          options.field);
+    return true;
+  }
+  if (options.field != "utilisation") return false;
+  const std::vector<float> utilised = utilisation_of_cells(settings.common, result.regions, cells);
+  field.set_cells([&](std::size_t c) { return static_cast<double>(utilised[c]); }, options.field);
+  return true;
+}
+
 }  // namespace
 
-void draw_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result) {
-  const CellSolution& cells = *result.cells;
-  CellSkin skin(cells.grid, result.by_cell);
-  if (skin.triangles.empty()) return;  // all walls are thinner than half a cell
-  BodyPicture<3> body{.undeformed = {Points<3>(3, std::ssize(skin.corners)), std::move(skin.triangles), Skin::faces},
+bool draw_result(const std::filesystem::path& file, const PictureOptions& options, const Settings<3>& settings,
+                 const ImageResult& result) {
+  const std::size_t number = case_number(options, settings);
+  const ImageAnswer& answer = *result.answers()[number];
+  const CellSolution& cells = *answer.cells;
+  CellSkin skin(cells.grid, answer.by_cell);
+  if (skin.triangles.empty()) return true;  // all walls are thinner than half a cell
+  BodyPicture<3> body{.undeformed = {Points<3>(3, std::ssize(skin.corners)), skin.triangles, Skin::faces},
                       .displacement = Points<3>(3, std::ssize(skin.corners)),
-                      .values = Vector(std::ssize(skin.corners)),
-                      .largest_displacement = result.extremes[0].value,
-                      .largest_value = result.extremes[1].value};
+                      .values = {},
+                      .largest_displacement = answer.extremes[0].value};
   const auto& n = cells.grid.cubes;
   for (std::size_t p = 0; p < skin.corners.size(); ++p) {
     const std::size_t at = skin.corners[p], row = n[0] + 1, layer = row * (n[1] + 1);
@@ -122,23 +207,47 @@ void draw_fields(const std::filesystem::path& file, const Settings<3>& settings,
     const auto point = static_cast<Eigen::Index>(p);
     body.undeformed.points.col(point) = cells.grid.origin + cells.axes * cells.grid.spacing.cwiseProduct(place);
     body.displacement.col(point) = cells.displacement.col(static_cast<Eigen::Index>(at));
-    body.values[point] = skin.sums[p] / skin.counts[p];
   }
+  FieldOnCells field(answer, skin, body.undeformed.points);
+  if (!find_field(options, settings, result, answer, body.displacement, field)) return false;
+  body.values = field.values;
+  body.largest = field.largest;
+  body.smallest = field.smallest;
+
+  std::map<std::string, std::vector<std::size_t>> known;
+  const auto faces_on = [&](const std::string& part) -> const std::vector<std::size_t>& {
+    const auto [found, is_new] = known.try_emplace(part);
+    if (is_new)
+      for (std::size_t f = 0; f < skin.faces.size(); ++f)
+        if (is_near(skin.faces[f], result.facets.at(part), *result.image, cells.grid)) found->second.push_back(f);
+    return found->second;
+  };
   const auto pieces_on = [&](const auto& conditions) {
     std::vector<Triangle> pieces;
     std::set<std::string> named;
     for (const auto& condition : conditions) named.insert(condition.on);
     for (const std::string& name : named)
-      for (std::size_t f = 0; f < skin.faces.size(); ++f)
-        if (is_near(skin.faces[f], result.facets.at(name), *result.image, cells.grid))
-          for (const std::size_t t : {2 * f, 2 * f + 1}) pieces.push_back(body.undeformed.triangles[t]);
+      for (const std::size_t f : faces_on(name))
+        for (const std::size_t t : {2 * f, 2 * f + 1}) pieces.push_back(body.undeformed.triangles[t]);
     return pieces;
   };
   body.held = pieces_on(settings.supports);
-  const Loads<3> loads = loads_by_case(settings).front();  // those of the answer that is drawn
+  const Loads<3> loads = loads_by_case(settings)[number];
   body.loaded = pieces_on(loads.tractions);
   for (const Triangle& piece : pieces_on(loads.resultants)) body.loaded.push_back(piece);
-  draw_body(file, body, "von Mises stress", "stress");
+  const auto loaded_facets = [&](const std::string& part) {
+    std::vector<LoadedFacet<3>> facets;
+    for (const std::size_t f : faces_on(part)) {
+      const Triangle& half = body.undeformed.triangles[2 * f];
+      const Vec3 normal = body.undeformed.normal(half);  // as long as the area
+      facets.push_back({0.5 * (body.undeformed.points.col(half[0]) + body.undeformed.points.col(half[2])),
+                        normal.normalized(), normal.norm(), half[0]});
+    }
+    return facets;
+  };
+  body.arrows = load_arrows<3>(loads, loaded_facets, arrow_gap(body.undeformed));
+  draw_body(file, body, options, settings.common.title);
+  return true;
 }
 
 }  // namespace efree

@@ -111,7 +111,7 @@ template <int Dim> void draw_pieces(const std::filesystem::path& file, const Ins
   std::vector<Panel> panels{{true}};
   if (solid && !in.groups.empty())
     panels = in.bodies.size() > 1 ? std::vector<Panel>{{true}, {false}} : std::vector<Panel>{{false}};
-  const View view = solid ? oblique(surface, {}) : View{};
+  const View view = solid ? best_view(surface, {}) : View{};
   const Palette palette = solid ? distinct : in.bodies.size() > 1 ? pale : uncoloured;
   const double top = 0.92 * height;
   const double bottom = (solid || !in.groups.empty() || in.bodies.size() > 1 ? 0.26 : 0.04) * height;

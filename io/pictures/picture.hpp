@@ -8,6 +8,7 @@
 #include "efree/geometry/cracks/cracked_body.hpp"
 #include "efree/geometry/mesh/summary.hpp"
 #include "efree/io/case/inspect.hpp"
+#include "efree/io/case/picture_options.hpp"
 
 #include <array>
 #include <filesystem>
@@ -16,17 +17,16 @@
 
 namespace efree {
 
-/// von Mises stress on the deformed body, the undeformed one behind it, and where it is held and loaded. Displacements
-/// are drawn at a fifteenth of the body's size. Throws InputError if the file cannot be written.
-template <int Dim>
-void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+/// A field (PointField, "error", "utilisation", or a scalar that the materials remember) on the deformed body, the
+/// undeformed one behind it, where it is held and loaded, and where the field is largest. Returns false, without a
+/// picture, if the result does not have the field. Throws InputError if the file cannot be written.
+template <int Dim> bool draw_result(const std::filesystem::path& file, const PictureOptions& options,
+                                    const Settings<Dim>& settings, const Result<Dim>& result);
 
-/// The same of an image that was solved on cells: the faces of the cells that are mostly material.
-void draw_fields(const std::filesystem::path& file, const Settings<3>& settings, const ImageResult& result);
-
-/// The same with Result::error_density in place of the stress: where a finer mesh would help.
-template <int Dim>
-void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result);
+/// The same of an image that was solved on cells, which have no "error" each: the faces of the cells that are mostly
+/// material.
+bool draw_result(const std::filesystem::path& file, const PictureOptions& options, const Settings<3>& settings,
+                 const ImageResult& result);
 
 /// Regions and named parts of the boundary, each in a colour of its own. Throws InputError if the file cannot be
 /// written.
@@ -42,15 +42,18 @@ template <int Dim> struct BodySkin {
 template <int Dim> struct DynamicsPicture {
   BodySkin<Dim> skin{};  ///< of the bodies that have cells, and no points in this picture
   Points<Dim> points;
-  Tensors F;                 ///< 9 x points: a circle (sphere) around each is drawn as it is deformed
-  Vector size;               ///< edges of squares (cubes) as large as the points at the start [length]
-  Vector values;             ///< by colour
-  std::string title, field;  ///< `field`: the name of the values
-  BoundingBox<Dim> view;     ///< the part of space in the picture
+  Tensors F;      ///< 9 x points: a circle (sphere) around each is drawn as it is deformed
+  Vector size;    ///< edges of squares (cubes) as large as the points at the start [length]
+  Vector values;  ///< by colour
+  std::string title;
+  PictureOptions options;  ///< with a range
+  BoundingBox<Dim> view;   ///< the part of space in the picture
   std::vector<Wall<Dim>> walls{};
   std::vector<ScalarField<Dim>> rigid_bodies{};  ///< gaps, negative inside; transparent in space
   bool axisymmetric = false;                     ///< drawn on both sides of the axis, x = 0
 };
+/// Values that the colours of a picture span unless its options say so.
+template <int Dim> std::array<double, 2> range_of(const DynamicsPicture<Dim>& picture);
 /// Writes a PNG file of 1600 x 1200 pixels. Throws InputError if that is not possible.
 template <int Dim> void draw_dynamics(const std::filesystem::path& file, const DynamicsPicture<Dim>& picture);
 

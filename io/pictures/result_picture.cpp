@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Pictures of results.
+#include "efree/analysis/point_field.hpp"
+#include "efree/analysis/utilisation.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/io/pictures/internal/body_picture.hpp"
 #include "efree/io/pictures/picture.hpp"
 
-#include <fmt/format.h>
 #include <algorithm>
 #include <array>
 #include <set>
@@ -65,27 +67,6 @@ template <int Dim, class Conditions> auto where(const FineSpace<Dim>& space, con
   return out;
 }
 
-/// Values at the places of the space on the deformed body, under a title; `name` is what values beyond the scale are
-/// called.
-template <int Dim> void paint(const std::filesystem::path& file, const Settings<Dim>& settings,
-                              const Result<Dim>& result, const Vector& values, const std::string& title,
-                              const std::string& name) {
-  const FineSpace<Dim>& space = result.basis().space;
-  BodyPicture<Dim> body{.undeformed = {in_space<Dim>(space.at_places(space.points())), faces(space)},
-                        .displacement = in_space<Dim>(space.at_places(result.fields.displacement)),
-                        .values = values,
-                        .held = where(space, settings.supports)};
-  const Loads<Dim> loads = loads_by_case(settings).front();  // those of the answer that is drawn
-  body.loaded = where(space, loads.tractions);
-  for (const auto& of : {where(space, loads.followers), where(space, loads.resultants)})
-    body.loaded.insert(body.loaded.end(), of.begin(), of.end());
-  if constexpr (Dim == 2)
-    for (Index f = 0; f < space.mesh().num_facets(); ++f)
-      for (const Segment& segment : facet_pieces(space, f)) body.rim.push_back(segment);
-  body.true_to_scale = !result.history.empty();  // large displacements as they are
-  draw_body(file, body, title, name);
-}
-
 /// Means of the cells around each place, by volume.
 template <int Dim> Vector means_at_places(const FineSpace<Dim>& space, const Vector& by_cell) {
   Vector values = Vector::Zero(space.num_places()), volumes = values;
@@ -94,23 +75,66 @@ template <int Dim> Vector means_at_places(const FineSpace<Dim>& space, const Vec
   return values.cwiseQuotient(volumes);
 }
 
+/// Values of a field at the places of the space.
+template <int Dim> Vector values_at_places(const PictureOptions& options, const Settings<Dim>& settings,
+                                           const Result<Dim>& result, const Fields<Dim>& fields) {
+  const FineSpace<Dim>& space = result.basis().space;
+  const auto at_points = PointField<Dim>::find(options.field, settings.common.model.plane == Plane::axisymmetric);
+  if (at_points) {
+    const auto displacement = space.at_places(fields.displacement);
+    Vector values(space.num_places());
+    parallel_for(space.num_places(), [&](Index p) {
+      values[p] = (*at_points)(displacement.col(p), fields.strain.col(p), fields.stress.col(p));
+    });
+    return values;
+  }
+  if (options.field == "error" && result.error_density.size() > 0) return means_at_places(space, result.error_density);
+  if (options.field == "utilisation") return utilisation_at_places(settings.common, space, fields);
+  for (const auto& [name, values] : result.remembered)
+    if (name == options.field && values.rows() == 1) return values.row(0).transpose();
+  return {};
+}
+
+/// Facets of parts of the boundary with the places next to their middles.
+template <int Dim> std::vector<LoadedFacet<Dim>> loaded_facets(const FineSpace<Dim>& space, const std::string& part) {
+  const FineMesh<Dim>& mesh = space.mesh();
+  std::vector<LoadedFacet<Dim>> facets;
+  for (const Index f : mesh.group(part)) {
+    Vec<Dim> middle = Vec<Dim>::Zero();
+    for (int k = 0; k < Dim; ++k) middle += mesh.vertices().col(mesh.facets()(k, f)) / Dim;
+    facets.push_back({middle, mesh.facet_normal(f), mesh.facet_measure(f),
+                      space.place(space.facet(f).front(), mesh.region(mesh.facet_cell(f)))});
+  }
+  return facets;
+}
+
 }  // namespace
 
-template <int Dim>
-void draw_fields(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
-  paint(file, settings, result, von_mises_at_places(result.fields), "von Mises stress", "stress");
+template <int Dim> bool draw_result(const std::filesystem::path& file, const PictureOptions& options,
+                                    const Settings<Dim>& settings, const Result<Dim>& result) {
+  const FineSpace<Dim>& space = result.basis().space;
+  const std::size_t number = case_number(options, settings);
+  const Fields<Dim>& fields = number == 0 ? result.fields : result.more[number - 1].fields;
+  BodyPicture<Dim> body{.undeformed = {in_space<Dim>(space.at_places(space.points())), faces(space)},
+                        .displacement = in_space<Dim>(space.at_places(fields.displacement)),
+                        .values = values_at_places(options, settings, result, fields),
+                        .held = where(space, settings.supports)};
+  if (body.values.size() == 0) return false;
+  const Loads<Dim> loads = loads_by_case(settings)[number];
+  body.loaded = where(space, loads.tractions);
+  for (const auto& of : {where(space, loads.followers), where(space, loads.resultants)})
+    body.loaded.insert(body.loaded.end(), of.begin(), of.end());
+  body.arrows = load_arrows<Dim>(
+      loads, [&](const std::string& part) { return loaded_facets(space, part); }, arrow_gap(body.undeformed));
+  if constexpr (Dim == 2)
+    for (Index f = 0; f < space.mesh().num_facets(); ++f)
+      for (const Segment& segment : facet_pieces(space, f)) body.rim.push_back(segment);
+  body.true_to_scale = !result.history.empty();  // large displacements as they are
+  draw_body(file, body, options, settings.common.title);
+  return true;
 }
 
-template <int Dim>
-void draw_error(const std::filesystem::path& file, const Settings<Dim>& settings, const Result<Dim>& result) {
-  std::string title = "Estimated error of the mesh";
-  if (result.estimates) title += fmt::format(" ({:.2g} % of all in the energy norm)", 100.0 * result.estimates->mesh);
-  paint(file, settings, result, means_at_places(result.basis().space, result.error_density), title, "error");
-}
-
-template void draw_error<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
-template void draw_error<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
-template void draw_fields<2>(const std::filesystem::path&, const Settings<2>&, const Result<2>&);
-template void draw_fields<3>(const std::filesystem::path&, const Settings<3>&, const Result<3>&);
+template bool draw_result<2>(const std::filesystem::path&, const PictureOptions&, const Settings<2>&, const Result<2>&);
+template bool draw_result<3>(const std::filesystem::path&, const PictureOptions&, const Settings<3>&, const Result<3>&);
 
 }  // namespace efree

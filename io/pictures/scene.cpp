@@ -16,6 +16,25 @@ namespace {
 const double crease = std::cos(std::numbers::pi / 6.0);  ///< edges with a larger angle are drawn and not shaded over
 constexpr double lift = 4.0;                             ///< of lines on faces towards the viewer [pixels]
 
+/// Whether no triangle is between a point and a viewer far away in that direction, but for what is as near to the point
+/// as `slack`.
+bool is_seen(const Surface& surface, const Vec3& point, const Vec3& towards, double slack) {
+  const Vec3 right = towards.unitOrthogonal(), up = towards.cross(right);
+  const auto seen_from_there = [&](Index p) {
+    const Vec3 x = surface.points.col(p) - point;
+    return Vec3(right.dot(x), up.dot(x), towards.dot(x));
+  };
+  return std::ranges::none_of(surface.triangles, [&](const Triangle& t) {
+    const Vec3 a = seen_from_there(t[0]), b = seen_from_there(t[1]), c = seen_from_there(t[2]);
+    if (std::max({a.z(), b.z(), c.z()}) < slack) return false;
+    const auto twice_area = [](const Vec3& p, const Vec3& q) { return p.x() * q.y() - p.y() * q.x(); };
+    const Vec3 weights(twice_area(b, c), twice_area(c, a), twice_area(a, b));
+    const double sum = weights.sum();
+    if (sum == 0.0 || (weights / sum).minCoeff() < 0.0) return false;
+    return weights.dot(Vec3(a.z(), b.z(), c.z())) / sum > slack;
+  });
+}
+
 }  // namespace
 
 std::string text_of(const Box& box) {
@@ -24,21 +43,39 @@ std::string text_of(const Box& box) {
                       : fmt::format("{:.4g} x {:.4g} x {:.4g}", s[0], s[1], s[2]);
 }
 
-View oblique(const Surface& surface, const std::vector<Triangle>& marked) {
-  const Vec3 size = box_of(surface.points).sizes();
+View view_from(const std::array<double, 2>& angles) {
+  const double turn = angles[0] * std::numbers::pi / 180.0, rise = angles[1] * std::numbers::pi / 180.0;
+  return {{std::cos(rise) * std::cos(turn), std::cos(rise) * std::sin(turn), std::sin(rise)},
+          {-std::sin(rise) * std::cos(turn), -std::sin(rise) * std::sin(turn), std::cos(rise)}};
+}
+
+View best_view(const Surface& surface, const std::vector<Triangle>& marked, const std::optional<Vec3>& shown) {
+  const Box box = box_of(surface.points);
+  const Vec3 size = box.sizes();
   const Vec3 area{size[1] * size[2], size[0] * size[2], size[0] * size[1]};
   const Vec3 share = 0.35 + 0.65 * area.array() / area.maxCoeff();
-  std::array<Vec3, 4> directions;
-  for (std::size_t side = 0; side < 4; ++side)
-    directions[side] =
-        Vec3((side % 2 ? -0.6 : 0.6) * share[0], (side < 2 ? -1.0 : 1.0) * share[1], 0.75 * share[2]).normalized();
-  std::array<double, 4> seen{};
-  for (const Triangle& t : marked)
-    for (std::size_t side = 0; side < 4; ++side) seen[side] += std::max(0.0, surface.normal(t).dot(directions[side]));
-  // Only a clear gain is worth leaving the usual side for.
-  std::size_t best = 0;
-  for (std::size_t side = 1; side < 4; ++side)
-    if (seen[side] > 1.1 * seen[best]) best = side;
+  std::vector<Vec3> directions;
+  for (const double upwards : {1.0, -1.0})
+    for (std::size_t side = 0; side < 4; ++side)
+      directions.push_back(
+          Vec3((side % 2 ? -0.6 : 0.6) * share[0], (side < 2 ? -1.0 : 1.0) * share[1], 0.75 * upwards * share[2])
+              .normalized());
+  constexpr std::size_t above = 4;
+  std::vector<std::size_t> choice;
+  if (shown)
+    for (std::size_t k = 0; k < directions.size(); ++k)
+      if (is_seen(surface, *shown, directions[k], 1e-3 * size.norm())) choice.push_back(k);
+  if (choice.empty())
+    for (std::size_t k = 0; k < above; ++k) choice.push_back(k);
+  // Only a clear gain is worth leaving the usual side for, and even more so the view from above.
+  std::size_t best = choice.front();
+  double most = -1.0;
+  for (const std::size_t k : choice) {
+    double seen = 0.0;
+    for (const Triangle& t : marked) seen += std::max(0.0, surface.normal(t).dot(directions[k]));
+    if (k >= above && best < above) seen /= 1.5;
+    if (most < 0.0 || seen > 1.1 * most) best = k, most = seen;
+  }
   View view{directions[best], {}};
   view.up = view.towards.cross(Vec3::UnitZ().cross(view.towards).normalized());
   return view;

@@ -66,7 +66,7 @@ template <int Dim> Numbers history_numbers(const Dynamics<Dim>& dynamics) {
 
 template <int Dim> bool DynamicsRecord<Dim>::is_part(const std::string& name) {
   static const std::regex parts(
-      R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|bodies\.vtu|frame_[0-9]{4,9}\.png|history\.csv)");
+      R"((points|nodes)(_[0-9]{4,9}\.vtu|\.pvd)|bodies\.vtu|frame_([-A-Za-z0-9_]+_)?[0-9]{4,9}\.png|animation(_[-A-Za-z0-9_]+)?\.(webm|mp4|gif)|history\.csv)");
   return std::regex_match(name, parts);
 }
 
@@ -87,8 +87,9 @@ template <int Dim> DynamicsRecord<Dim>::DynamicsRecord(fs::path folder, std::str
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(folder_, error)) {
     const std::string name = entry.path().filename().string();
-    const auto digits = name.find('_');
-    if (is_part(name) && digits != std::string::npos && std::stol(name.substr(digits + 1)) >= frames)
+    static const std::regex numbered(".*_([0-9]+)[.](vtu|png)");
+    std::smatch match;
+    if (is_part(name) && std::regex_match(name, match, numbered) && std::stol(match[1]) >= frames)
       fs::remove(entry.path(), error);
   }
   // Not in place: they may be links to results.

@@ -38,7 +38,8 @@ template <int Dim> class DynamicsRecord {
   Index num_frames() const { return static_cast<Index>(points_.size()); }
   /// What another record needs to continue this one.
   std::string state() const;
-  /// Whether a file of that name is part of a record, or a picture frame_NNNN.png beside it.
+  /// Whether a file of that name is part of a record, or a picture frame_NNNN.png or frame_NAME_NNNN.png or an
+  /// animation of these beside it.
   static bool is_part(const std::string& name);
 
  private:

@@ -2,23 +2,28 @@
 #include "efree/io/records/dynamics_run.hpp"
 
 #include "efree/analysis/internal/located.hpp"
+#include "efree/analysis/point_field.hpp"
+#include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/packer.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/pictures/picture.hpp"
+#include "efree/io/records/internal/animation.hpp"
 #include "efree/io/records/internal/unfinished.hpp"
 #include "efree/io/records/internal/vector_columns.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace efree {
 namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view dynamics_state_kind = "efree dynamics 3\n";
+constexpr std::string_view dynamics_state_kind = "efree dynamics 4\n";
 constexpr const char* dynamics_state_name = "dynamics.state";
 
 /// Values of the probes, by columns.
@@ -90,6 +95,90 @@ template <int Dim> void show_cells(const Dynamics<Dim>& dynamics, DynamicsPictur
   for (Vector* of : {&picture.size, &picture.values}) *of = Vector((*of)(others));
 }
 
+constexpr double infinite = std::numeric_limits<double>::infinity();
+constexpr std::array<double, 2> no_range{infinite, -infinite};
+std::array<double, 2> united(const std::array<double, 2>& one, const std::array<double, 2>& other) {
+  return {std::min(one[0], other[0]), std::max(one[1], other[1])};
+}
+
+/// Pictures of all frames begin with it.
+std::string series_name(const PictureOptions& options) {
+  return options.name.empty() ? "frame" : "frame_" + options.name;
+}
+
+/// Name and values of the field that a picture shows: a scalar of the points, or one of the stress. By default it is
+/// the plastic strain, else von Mises' stress.
+template <int Dim>
+std::pair<std::string, Vector> point_field(const Dynamics<Dim>& dynamics, const PictureOptions& options) {
+  const auto scalars = point_scalars(dynamics);
+  const std::vector<std::string> wanted = options.field.empty()
+                                              ? std::vector<std::string>{"equivalent_plastic_strain", "von_mises"}
+                                              : std::vector<std::string>{options.field};
+  for (const std::string& name : wanted)
+    for (const auto& scalar : scalars)
+      if (scalar.first == name) return scalar;
+  if (const auto field = PointField<3>::find(options.field, false); field && field->is_of_stress()) {
+    const Tensors sigma = dynamics.cauchy_stress();
+    Vector values(sigma.cols());
+    for (Index p = 0; p < values.size(); ++p)
+      values[p] = (*field)(Vec<3>::Zero(), Voigt<3>::Zero(), stress_of<3>(sigma.col(p)));
+    return {options.field, values};
+  }
+  std::vector<std::string> names;
+  for (const auto& [name, values] : scalars) names.push_back(name);
+  throw InputError(internal::said_at(
+      options.where, fmt::format("there is no field \"{}\"; the points have {}, stress_xx, ..., mean_stress, "
+                                 "principal_stress_1 to principal_stress_3",
+                                 options.field, fmt::join(names, ", "))));
+}
+
+template <int Dim> DynamicsPicture<Dim> picture_of(const DynamicsCase<Dim>& of, const DynamicsModel<Dim>& model,
+                                                   const PictureOptions& options) {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  auto [field, values] = point_field(dynamics, options);
+  DynamicsPicture<Dim> picture{.points = dynamics.points(),
+                               .F = dynamics.deformation(),
+                               // Where there are other points, they get the mean size of those at the start.
+                               .size = model.point_sizes.size() == dynamics.num_points()
+                                           ? model.point_sizes
+                                           : Vector::Constant(dynamics.num_points(), model.point_sizes.mean()),
+                               .values = std::move(values),
+                               .title = fmt::format("{}, time {:.4g}", of.common.title, dynamics.time()),
+                               .options = options,
+                               .view = model.initial_box,
+                               .axisymmetric = of.common.model.plane == Plane::axisymmetric};
+  picture.options.field = field;
+  const Index num_points = dynamics.num_points();
+  show_cells(dynamics, picture);
+  if (const Vector& radius = dynamics.world().nodes.radius; dynamics.scheme() == "sph") {
+    // Particles do not stretch with what flows past them.
+    picture.size = 2.0 * radius;
+    for (Index p = 0; p < num_points; ++p) picture.F.col(p) = Mat<3>::Identity().reshaped();
+  }
+  const Points<Dim> extent = model.probes_points ? dynamics.points() : dynamics.nodes();
+  for (Index a = 0; a < extent.cols(); ++a) picture.view.extend(Vec<Dim>(extent.col(a)));
+  if (picture.axisymmetric) {
+    Vec<Dim> mirrored = picture.view.max();
+    mirrored[0] = -mirrored[0];
+    picture.view.extend(mirrored);
+  }
+  for (const auto& [wall, where] : of.walls) picture.walls.push_back(wall);
+  const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
+  for (std::size_t k = 0; k < states.size(); ++k)
+    picture.rigid_bodies.emplace_back([&body = of.rigid_bodies[k].body, state = states[k]](const Vec<Dim>& at) {
+      return gap_to<Dim>(body, state, at).gap;
+    });
+  return picture;
+}
+
+/// Whether not all values are alike.
+template <int Dim> bool varies(const DynamicsPicture<Dim>& picture) {
+  std::array<double, 2> range = no_range;
+  for (const Vector* values : {&picture.values, &picture.skin.values})
+    if (values->size() > 0) range = united(range, {values->minCoeff(), values->maxCoeff()});
+  return range[0] < range[1];
+}
+
 /// Files of a run in a folder.
 template <int Dim> std::vector<std::string> files_of_run(const fs::path& folder) {
   std::vector<std::string> names;
@@ -106,8 +195,10 @@ template <int Dim>
 DynamicsRun<Dim>::DynamicsRun(fs::path directory, const DynamicsCase<Dim>& dynamics_case, bool pictures)
     : directory_(std::move(directory)),
       case_(dynamics_case),
-      pictures_(pictures),
-      unfinished_(std::make_unique<internal::Unfinished>(directory_)) {}
+      unfinished_(std::make_unique<internal::Unfinished>(directory_)) {
+  if (pictures) pictures_ = case_.pictures.empty() ? std::vector<PictureOptions>(1) : case_.pictures;
+  ranges_.assign(pictures_.size(), no_range);
+}
 template <int Dim> DynamicsRun<Dim>::~DynamicsRun() = default;
 
 template <int Dim> bool DynamicsRun<Dim>::is_unfinished() const {
@@ -132,7 +223,9 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
   std::string record;
   try {
     Unpacker unpack(sealed.packed());
-    unpack(record), unpack(contact_forces_);
+    std::vector<std::array<double, 2>> ranges;
+    unpack(record), unpack(contact_forces_), unpack(ranges);
+    if (ranges.size() == ranges_.size()) ranges_ = ranges;
     model.dynamics.restore(unpack.rest());
     if (!is_finite(model.dynamics)) internal::is_damaged(file);
   } catch (const InputError&) {
@@ -164,67 +257,46 @@ template <int Dim> void DynamicsRun<Dim>::add_history_line(const DynamicsModel<D
 
 template <int Dim> void DynamicsRun<Dim>::add_frame(const DynamicsModel<Dim>& model) {
   begin();
-  const std::string picture = fmt::format("frame_{:04}.png", record_->num_frames());
+  const Index frame = record_->num_frames();
   record_->add_frame(model.dynamics);
-  if (pictures_) draw(model, unfinished_->folder() / picture);
+  draw(model, frame);
 }
 
-template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, const fs::path& file) const {
-  const Dynamics<Dim>& dynamics = model.dynamics;
-  const auto scalars = point_scalars(dynamics);
-  const auto find = [&](const std::string& name) {
-    return std::ranges::find(scalars, name, [](const auto& entry) { return entry.first; });
-  };
-  auto field = find(case_.colour.empty() ? "equivalent_plastic_strain" : case_.colour);
-  if (field == scalars.end()) field = find("von_mises");
-  DynamicsPicture<Dim> picture{.points = dynamics.points(),
-                               .F = dynamics.deformation(),
-                               // Where there are other points, they get the mean size of those at the start.
-                               .size = model.point_sizes.size() == dynamics.num_points()
-                                           ? model.point_sizes
-                                           : Vector::Constant(dynamics.num_points(), model.point_sizes.mean()),
-                               .values = field->second,
-                               .title = fmt::format("{}, time {:.4g}", case_.common.title, dynamics.time()),
-                               .field = field->first,
-                               .view = model.initial_box,
-                               .axisymmetric = case_.common.model.plane == Plane::axisymmetric};
-  const Index num_points = dynamics.num_points();
-  show_cells(dynamics, picture);
-  if (const Vector& radius = dynamics.world().nodes.radius; dynamics.scheme() == "sph") {
-    // Particles do not stretch with what flows past them.
-    picture.size = 2.0 * radius;
-    for (Index p = 0; p < num_points; ++p) picture.F.col(p) = Mat<3>::Identity().reshaped();
+template <int Dim> void DynamicsRun<Dim>::check_pictures(const DynamicsModel<Dim>& model) const {
+  for (const PictureOptions& options : case_.pictures) point_field(model.dynamics, options);
+}
+
+template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, Index frame) {
+  for (std::size_t k = 0; k < pictures_.size(); ++k) {
+    DynamicsPicture<Dim> picture = picture_of(case_, model, pictures_[k]);
+    // The same colours for the same values as far as that can be known: the range only grows.
+    const std::array<double, 2> range = range_of(picture);
+    if (varies(picture)) ranges_[k] = united(ranges_[k], range);
+    if (!picture.options.range) picture.options.range = ranges_[k][0] < ranges_[k][1] ? ranges_[k] : range;
+    draw_dynamics(unfinished_->folder() / fmt::format("{}_{:04}.png", series_name(pictures_[k]), frame), picture);
   }
-  const Points<Dim> extent = model.probes_points ? dynamics.points() : dynamics.nodes();
-  for (Index a = 0; a < extent.cols(); ++a) picture.view.extend(Vec<Dim>(extent.col(a)));
-  if (picture.axisymmetric) {
-    Vec<Dim> mirrored = picture.view.max();
-    mirrored[0] = -mirrored[0];
-    picture.view.extend(mirrored);
-  }
-  for (const auto& [wall, where] : case_.walls) picture.walls.push_back(wall);
-  const std::vector<RigidState<Dim>> states = dynamics.rigid_bodies();
-  for (std::size_t k = 0; k < states.size(); ++k)
-    picture.rigid_bodies.emplace_back([&body = case_.rigid_bodies[k].body, state = states[k]](const Vec<Dim>& at) {
-      return gap_to<Dim>(body, state, at).gap;
-    });
-  draw_dynamics(file, picture);
 }
 
 template <int Dim> void DynamicsRun<Dim>::write_checkpoint(const DynamicsModel<Dim>& model) {
   begin();
   std::string record = record_->state();
   ContactForces<Dim> forces = contact_forces_;
+  std::vector<std::array<double, 2>> ranges = ranges_;
   Packer pack;
-  pack(record), pack(forces);
+  pack(record), pack(forces), pack(ranges);
   internal::write_sealed(unfinished_->folder() / dynamics_state_name, dynamics_state_kind, Dim, case_.mark,
                          {std::move(pack).bytes(), model.dynamics.state()});
 }
 
-template <int Dim> void DynamicsRun<Dim>::finish(OutputDirectory& out) const {
+template <int Dim> std::string DynamicsRun<Dim>::finish(OutputDirectory& out) const {
+  std::string none;
+  if (!case_.animation.empty())
+    for (const PictureOptions& options : pictures_)
+      if (none.empty()) none = internal::animate(unfinished_->folder(), series_name(options), case_.animation);
   for (const std::string& name : files_of_run<Dim>(directory_)) out.supersede(name);
   for (const std::string& name : files_of_run<Dim>(unfinished_->folder()))
     internal::link(unfinished_->folder() / name, out.file(name));
+  return none;
 }
 
 template <int Dim> void DynamicsRun<Dim>::remove_unfinished() {

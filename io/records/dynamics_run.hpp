@@ -7,9 +7,12 @@
 #include "efree/io/records/contact_forces.hpp"
 #include "efree/io/records/dynamics_record.hpp"
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace efree {
 
@@ -31,6 +34,9 @@ template <int Dim> class DynamicsRun {
   /// InputError if there is none, it is of another case (but for [time] and [output]), is damaged, or another run goes
   /// on here.
   void resume(DynamicsModel<Dim>& model);
+  /// Throws InputError, beginning with its place in the case file, for a picture of a field that the points of the
+  /// model do not have.
+  void check_pictures(const DynamicsModel<Dim>& model) const;
   /// For DynamicsObserver. All throw InputError where files cannot be written.
   void add_bodies(const FineMesh<Dim>& mesh);
   void add_history_line(const DynamicsModel<Dim>& model);
@@ -38,19 +44,21 @@ template <int Dim> class DynamicsRun {
   void write_checkpoint(const DynamicsModel<Dim>& model);
   /// Whether something of this run has been written.
   bool has_begun() const { return record_.has_value(); }
-  /// Adds all files to the results, in place of older ones. Call `remove_unfinished` once these are in place.
-  void finish(OutputDirectory& out) const;
+  /// Adds all files to the results, in place of older ones, and the animation if one is wanted. Call
+  /// `remove_unfinished` once these are in place. Returns why there is no animation, or an empty string.
+  std::string finish(OutputDirectory& out) const;
   void remove_unfinished();
   /// By the lines of the history so far.
   const ContactForces<Dim>& contact_forces() const { return contact_forces_; }
 
  private:
   void begin();
-  void draw(const DynamicsModel<Dim>& model, const std::filesystem::path& file) const;
+  void draw(const DynamicsModel<Dim>& model, Index frame);
 
   std::filesystem::path directory_;
   const DynamicsCase<Dim>& case_;
-  bool pictures_;
+  std::vector<PictureOptions> pictures_;       ///< of every frame
+  std::vector<std::array<double, 2>> ranges_;  ///< of their colours so far, by picture
   std::unique_ptr<internal::Unfinished> unfinished_;
   std::optional<DynamicsRecord<Dim>> record_;
   ContactForces<Dim> contact_forces_;

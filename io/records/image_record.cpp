@@ -2,7 +2,6 @@
 #include "efree/io/records/image_record.hpp"
 
 #include "efree/core/memory.hpp"
-#include "efree/core/parallel.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/answer_json.hpp"
 #include "efree/io/records/internal/answer_text.hpp"
@@ -42,25 +41,6 @@ vtkNew<vtkFloatArray> array_on(const std::string& name, const float* values, std
     for (int c = 0; c < 6; ++c) array->SetComponentName(c, tensor_components[c]);
   array->SetArray(const_cast<float*>(values), static_cast<vtkIdType>(count), 1);
   return array;
-}
-
-/// By cell: stress over strength; empty if no material has one.
-std::vector<float> utilisations(const Settings<3>& settings, const ImageResult& result, const ImageAnswer& answer) {
-  std::vector<Strength> strengths;
-  bool any = false;
-  for (const std::string& region : result.regions) {
-    strengths.push_back(strength_of(settings.common, region));
-    any = any || strengths.back().is_given();
-  }
-  if (!any) return {};
-  const CellFields& fields = answer.by_cell;
-  std::vector<float> all(fields.region.size(), 0.0F);
-  parallel_for(static_cast<Index>(all.size()), [&](Index c) {
-    if (fields.region[c] >= 0)
-      all[c] = static_cast<float>(
-          utilisation<3>(strengths[fields.region[c]], Voigt<3>(fields.stress.col(c).cast<double>())));
-  });
-  return all;
 }
 
 /// Ranges of the components as result.json has them.
@@ -106,7 +86,7 @@ void write_fields(const std::filesystem::path& file, const Settings<3>& settings
     data->AddArray(array_on(of + "strain", by_cell.strain.data(), by_cell.strain.size(), 6));
     data->AddArray(array_on(of + "stress", by_cell.stress.data(), by_cell.stress.size(), 6));
     data->AddArray(array_on(of + "von_mises", by_cell.von_mises.data(), by_cell.von_mises.size(), 1));
-    const auto& values = utilised.emplace_back(utilisations(settings, result, *answers[k]));
+    const auto& values = utilised.emplace_back(utilisation_of_cells(settings.common, result.regions, by_cell));
     if (!values.empty()) data->AddArray(array_on(of + "utilisation", values.data(), values.size(), 1));
   }
   vtkNew<vtkUnsignedCharArray> hidden;

@@ -50,7 +50,9 @@ TEST(DynamicsCase, WrongInputIsRefusedWithFileAndLine) {
   EXPECT_THAT(refuses(rubber + "[[boundary]]\non = \"left\"\nvelocity = [\"free\", \"free\"]\n"),
               says("every component"));
   EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"temperature\"")), says("von_mises"));
-  EXPECT_THAT(refuses(with("frames = 3", "colour = \"red\"")), says("no field \"red\""));
+  EXPECT_THAT(refuses(with("frames = 3", "colour = \"red\"")), says("colour in [output] is no longer known"));
+  EXPECT_THAT(refuses(with("frames = 3", "animation = \"avi\"")), says("webm"));
+  EXPECT_THAT(refuses(with("frames = 3", "pictures = [{ field = \"J\", view = [0, 0] }]")), says("view"));
   EXPECT_THAT(refuses(with("extent = \"y\"", "largest = \"y\"\nsmallest = \"y\"")), says("exactly one of"));
   EXPECT_THAT(refuses(with("\"corner\"", "\"height\"")), says("already is a probe"));
   EXPECT_THAT(refuses(rubber + "[cloud]\nsupport = 2\n"), says("\"spacing\" is missing"));

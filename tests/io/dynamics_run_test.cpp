@@ -170,6 +170,37 @@ TEST(DynamicsRun, SolveIsTheSameAndHistoryDoesNotChangeSteps) {
   EXPECT_GT(fs::file_size(other / "out/frame_0001.png"), 1000u);
 }
 
+TEST(DynamicsRun, PicturesOfSeveralFieldsAreJoinedToAnimations) {
+  const Workspace workspace;
+  const std::string pictures =
+      "frames = 3\nanimation = \"gif\"\npictures = [{ field = \"J\" }, { name = \"up\", field = \"stress_yy\", "
+      "range = [-1, 1] }]";
+  workspace.write("case.toml", replaced(rubber, "frames = 3", pictures));
+  const auto done = workspace.efree({"run", "case.toml", "--out", "out"});
+  ASSERT_EQ(done.status, 0) << done.output;
+  for (const char* name : {"frame_J_0000.png", "frame_J_0003.png", "frame_up_0003.png"})
+    EXPECT_GT(fs::file_size(workspace / ("out/" + std::string(name))), 1000u) << name;
+  EXPECT_FALSE(fs::exists(workspace / "out/frame_0000.png"));
+  if (run_program(workspace / ".", {"ffmpeg", "-version"}) == 0)
+    for (const char* name : {"animation_J.gif", "animation_up.gif"})
+      EXPECT_EQ(content(workspace / ("out/" + std::string(name))).substr(0, 6), "GIF89a") << name;
+  else
+    EXPECT_NE(done.output.find("no animation: ffmpeg is not installed"), std::string::npos) << done.output;
+  // A later run without them leaves none of them behind.
+  workspace.write("case.toml", rubber);
+  ASSERT_EQ(workspace.efree({"run", "case.toml", "--out", "out", "--quiet"}).status, 0);
+  EXPECT_FALSE(fs::exists(workspace / "out/frame_J_0000.png"));
+  EXPECT_FALSE(fs::exists(workspace / "out/animation_J.gif"));
+  EXPECT_GT(fs::file_size(workspace / "out/frame_0000.png"), 1000u);
+
+  workspace.write("case.toml", replaced(rubber, "frames = 3", "pictures = [{ field = \"heat\" }]"));
+  const auto refused = workspace.efree({"run", "case.toml", "--out", "other", "--quiet"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.output.find("there is no field \"heat\"; the points have von_mises"), std::string::npos)
+      << refused.output;
+  EXPECT_FALSE(fs::exists(workspace / "other"));
+}
+
 TEST(DynamicsRun, NodesOnACloudFollowTheShapeFunctionsOfTheStaticSolver) {
   const Workspace workspace;
   const auto done = run(workspace, with("mesh_size = 0.25", "mesh_size = 0.06") +

@@ -9,6 +9,9 @@
 
 namespace efree::internal::drawing {
 
+/// How people call a field of that name, with its unit.
+std::string label_of(const std::string& field, const std::string& unit);
+
 /// A coloured square and what it stands for; x, y in pixels.
 void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size);
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -71,9 +72,14 @@ struct View {
   }
 };
 
-/// A view from above and from the side with the largest faces of the box; of its four sides the one that shows most of
-/// the triangles `marked`.
-View oblique(const Surface& surface, const std::vector<Triangle>& marked);
+/// From the angle about z, from the x axis on, and that above the xy plane [degrees]; z is upwards, or what is nearest
+/// to it.
+View view_from(const std::array<double, 2>& angles);
+
+/// A view from above and from the side with the largest faces of the box. Of its four sides, and from below, the one
+/// from which `shown`, a point of the surface, can be seen, if there is one; of these, and without, the one that shows
+/// most of the triangles `marked`.
+View best_view(const Surface& surface, const std::vector<Triangle>& marked, const std::optional<Vec3>& shown = {});
 
 /// Where things in space appear: a parallel projection.
 class Projection {
