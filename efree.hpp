@@ -148,6 +148,7 @@
 #include "efree/solvers/algorithms/shape_derivative.hpp"
 #include "efree/solvers/algorithms/static_analysis.hpp"
 #include "efree/solvers/algorithms/unit_cell.hpp"
+#include "efree/solvers/cells/cell_errors.hpp"
 #include "efree/solvers/cells/cell_fields.hpp"
 #include "efree/solvers/cells/cell_slices.hpp"
 #include "efree/solvers/cells/cell_solver.hpp"

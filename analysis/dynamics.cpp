@@ -188,8 +188,26 @@ template <int Dim> double first_step(const Dynamics<Dim>& dynamics) {
   return std::min(dynamics.stable_step(), step_of_half_spacing(dynamics.world(), {}, dynamics.nodes_persist()));
 }
 
-/// Share of the run after which there is a forecast, and the seconds that are worth one.
-constexpr double forecast_share = 0.02, least_forecast = 10.0;
+/// Says how long a run will be, as if steps went on as long as the last ones: after a fiftieth of it, and again
+/// whenever steps have become so short, or slow, that it is half as long again.
+class Forecast {
+ public:
+  Forecast(double from, double end) : from_(from), end_(end) {}
+  /// After every step: `steps` have led to `time` in so many seconds.
+  void update(double time, double step, Index steps, double seconds, const Monitor& monitor) {
+    constexpr double share = 0.02, least = 10.0, again = 1.5, remembered = 50.0;
+    step_ += (step - step_) / std::min(static_cast<double>(steps), remembered);
+    if (time < from_ + share * (end_ - from_)) return;
+    const double of_all = 1.0 + (end_ - time) / (step_ * static_cast<double>(steps)), all = seconds * of_all;
+    if (all < std::max(least, again * said_)) return;
+    said_ = all;
+    monitor.say(fmt::format("forecast at time {:.3g}: {:.2g} steps, {:.2g} s, {:.2g} MB", time,
+                            static_cast<double>(steps) * of_all, all, peak_memory_mb()));
+  }
+
+ private:
+  double from_, end_, step_ = 0.0, said_ = 0.0;  // a mean step, and what was said last
+};
 
 /// Steps between looks at whether bodies are at rest.
 constexpr Index between_checks = 16;
@@ -266,9 +284,8 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
                                  now * (settings.end - dynamics.time()) / (dynamics.time() - from)));
   };
   StepGuard<Dim> guard(dynamics, settings);
-  const double forecast_at = from + forecast_share * (settings.end - from);
+  Forecast forecast(from, settings.end);
   const Index steps_before = dynamics.steps();
-  bool has_forecast = false;
   double next_checkpoint = settings.checkpoint_interval, next_progress = 0.0;
   while (!is_over() && !outcome.at_rest) {
     if (monitor.cancelled && monitor.cancelled()) {
@@ -289,13 +306,8 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
     if (last || passes(before, settings.history_lines)) call(observer.history_line);
     if (last || passes(before, settings.frames)) call(observer.frame);
     const double now = seconds();
-    if (!has_forecast && !last && dynamics.time() >= forecast_at) {
-      has_forecast = true;
-      const double times = (settings.end - from) / (dynamics.time() - from);
-      if (now * times > least_forecast)
-        monitor.say(fmt::format("forecast: {:.2g} steps, {:.2g} s, {:.2g} MB",
-                                (dynamics.steps() - steps_before) * times, now * times, peak_memory_mb()));
-    }
+    if (!last && monitor.say)
+      forecast.update(dynamics.time(), dynamics.time() - before, dynamics.steps() - steps_before, now, monitor);
     if (now >= next_progress || last) {
       next_progress = now + 0.1;
       report_progress(now);

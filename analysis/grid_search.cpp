@@ -49,6 +49,10 @@ void search_grid(const Settings<3>& settings, const GridProblem& problem, const 
         answer.cells = std::move(solutions[k]);
         error = std::max(error, answer.estimates->total());
       }
+    } catch (const FreeBody&) {
+      // Points of a finer grid may lie on a part that is smaller than cells.
+      if (fixed || result.cells || size < 1.99 * problem.image.spacing.minCoeff()) throw;
+      continue;
     } catch (const NumericalError& failure) {
       if (!result.cells) throw;
       why = fmt::format("a finer grid fails: {}", failure.what());

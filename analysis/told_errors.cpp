@@ -4,6 +4,7 @@
 #include "efree/analysis/internal/corrected.hpp"
 #include "efree/analysis/internal/facet_errors.hpp"
 #include "efree/core/error.hpp"
+#include "efree/solvers/cells/cell_errors.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
@@ -25,17 +26,6 @@ template <int Dim> double stress_error(const Approximation<Dim>& basis, const Fi
     sum += most;
   }
   return sum / static_cast<double>(cells.size());
-}
-
-/// What the finest of three values leaves, component by component: from the last two at the rate of the three, between
-/// one and two.
-Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
-  if (values.size() < 2) return Vec<3>::Zero();
-  const Vec<3> last = (values[0] - values[1]).cwiseAbs();
-  double rate = 1.0;
-  if (values.size() > 2 && last.norm() > 0.0)
-    rate = std::clamp(std::log2((values[1] - values[2]).norm() / last.norm()), 1.0, 2.0);
-  return last / (std::pow(2.0, rate) - 1.0);
 }
 
 }  // namespace
@@ -148,29 +138,18 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
 void tell_errors_on_cells(const Settings<3>& settings, const CellSolution& cells, Answer<3>& answer) {
   answer.probe_errors.clear();
   answer.reactions.clear();
-  const std::size_t grids = std::min<std::size_t>(3, cells.levels.size());
-  // What cells with several materials lack of compliance is taken to be missing of every displacement and force.
-  const double iterations = cells.finest().iteration_error + cells.interface_error * cells.interface_error;
-  const auto error_at = [&](const Vec<3>& x) -> Vec<3> {
-    std::vector<Vec<3>> values;
-    for (std::size_t l = 0; l < grids; ++l) values.push_back(displacement_at(cells, l, x));
-    return left_by_grids(values).array() + iterations * values[0].norm();
-  };
   for (std::size_t k = 0; k < settings.probes.size(); ++k) {
     auto& [name, values] = answer.probes[k];
     values.displacement = displacement_at(cells, 0, settings.probes[k].at);
-    answer.probe_errors[name] = error_at(settings.probes[k].at);
+    answer.probe_errors[name] = displacement_error_at(cells, settings.probes[k].at);
   }
-  for (const auto& reaction : settings.reactions) {
-    std::vector<Vec<3>> forces;
-    for (std::size_t l = 0; l < grids; ++l) forces.push_back(cells.levels[l].reactions.at(reaction.on).force);
+  for (const auto& reaction : settings.reactions)
     answer.reactions.push_back(
-        {reaction.name, forces[0], Vec<3>(left_by_grids(forces).array() + iterations * forces[0].norm())});
-  }
+        {reaction.name, cells.finest().reactions.at(reaction.on).force, reaction_error(cells, reaction.on)});
   for (auto& extreme : answer.extremes)
     if (extreme.of == "displacement") {
       const Vec<3> along = displacement_at(cells, 0, extreme.at) / std::max(extreme.value, 1e-300);
-      extreme.error = along.cwiseAbs().dot(error_at(extreme.at));
+      extreme.error = along.cwiseAbs().dot(displacement_error_at(cells, extreme.at));
     }
 }
 

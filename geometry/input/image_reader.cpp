@@ -68,6 +68,19 @@ template <class T> std::string warning_of_nan(const T* values, int stride, std::
   return none == 0 ? "" : fmt::format("{} voxels of the image are not numbers, and are taken as void", none);
 }
 
+/// Gives pixels with these labels the label 0; warns of labels but 0 that no pixel has.
+void make_void(const std::vector<Label>& background, std::vector<Label>& labels, std::vector<std::string>& warnings) {
+  std::vector<char> is_there(background.size(), 0);
+  for (Label& label : labels)
+    if (const auto found = std::ranges::find(background, label); found != background.end()) {
+      is_there[found - background.begin()] = 1;
+      label = 0;
+    }
+  for (std::size_t k = 0; k < background.size(); ++k)
+    if (background[k] != 0 && is_there[k] == 0)
+      warnings.push_back(fmt::format("no pixel of the image has the label {}, which background names", background[k]));
+}
+
 /// The file's values, with the dimensions asked for.
 template <int Dim> PixelValues read_checked(const std::string& path, const ImageOptions<Dim>& options) {
   if (!options.spacing.empty() && options.spacing.size() != 1 && options.spacing.size() != Dim)
@@ -100,9 +113,7 @@ template <int Dim> ImageFile<Dim> read_image_file(const std::string& path, const
   });
   frame.put_in_order(image.labels);
   if (options.threshold) frame.put_in_order(image.grey);
-  if (!options.threshold)
-    for (Label& label : image.labels)
-      if (std::find(options.background.begin(), options.background.end(), label) != options.background.end()) label = 0;
+  if (!options.threshold) make_void(options.background, image.labels, v.doubts);
   check_image(image);
   const auto counts = count_labels(image);
   if (counts.size() == 1 && counts[0].label == 0) throw InputError(fmt::format("{}: all of it is background", path));

@@ -2,6 +2,7 @@
 #include "efree/solvers/cells/cell_solver.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/solvers/cells/internal/cell_errors.hpp"
 #include "efree/solvers/cells/internal/cell_problem.hpp"
 #include "efree/solvers/cells/internal/grid_iterations.hpp"
 #include "efree/solvers/cells/internal/interface_energy.hpp"
@@ -60,46 +61,6 @@ Points<3> at_points(const CellProblem& problem, const Field& u) {
   return displacement;
 }
 
-/// A strain energy or potential with the compliance that interfaces lack: it falls where displacements are prescribed
-/// (layers in series), and changes by the work of the loads where these are.
-double softened(double value, const CellLevel& level) {
-  const double energy = level.strain_energy + level.support_energy;
-  if (level.interface_energy == 0.0 || energy == 0.0) return value;
-  const double lacking = level.interface_energy / energy, sign = std::clamp(level.potential / energy, -1.0, 1.0);
-  return sign >= 0.0 ? value / (1.0 + sign * lacking) : value * (1.0 - sign * lacking);
-}
-
-/// What the finest grid leaves: from the last two grids at the rate of the last three.
-void tell_error(CellSolution& solution) {
-  const auto& levels = solution.levels;
-  const double energy = levels[0].strain_energy + levels[0].support_energy;
-  solution.extrapolated_energy = levels[0].strain_energy;
-  if (energy == 0.0) return;
-  solution.interface_error = std::sqrt(levels[0].interface_energy / energy);
-  solution.extrapolated_energy = softened(levels[0].strain_energy, levels[0]);
-  if (levels.size() < 2) {
-    solution.grid_error = 1.0;
-    return;
-  }
-  const auto potential = [&](std::size_t l) { return softened(levels[l].potential, levels[l]); };
-  const double last = potential(1) - potential(0);
-  const auto coarsening = [&](std::size_t l) {  // a little less than two for odd numbers of cells
-    return std::cbrt(levels[l + 1].edges.prod() / levels[l].edges.prod());
-  };
-  double rate = 1.0;
-  if (levels.size() > 2) {
-    const double before = potential(2) - potential(1);
-    if (before > 0.0 && last > 0.0) rate = std::clamp(std::log(before / last) / std::log(coarsening(1)), 1.0, 2.0);
-  }
-  const double share = 1.0 / (std::pow(coarsening(0), rate) - 1.0);
-  // Grids that are not parts of each other see boundaries at other places, which looks like a low rate.
-  const double towards = coarsening(0) > 1.999 ? share : 1.0 / (std::pow(coarsening(0), 2) - 1.0);
-  const double further = towards * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
-  constexpr double most = 0.5;  // beyond that grids are not on their way to anything
-  if (std::abs(further) <= most * solution.extrapolated_energy) solution.extrapolated_energy += further;
-  solution.grid_error = std::sqrt(share * std::abs(last) / energy);
-}
-
 }  // namespace
 
 std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const std::vector<SharedMaterial>& materials,
@@ -146,7 +107,7 @@ std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const
       solution.levels.insert(solution.levels.begin(), found);
       stage.tick((static_cast<double>(c) + std::pow(8.0, -static_cast<double>(l))) / static_cast<double>(cases.size()));
     }
-    tell_error(solution);
+    internal::estimate_errors(solution);
     solution.applied = problems.applied[c];
     solution.bodies = problems.bodies;
   }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/assembly/loads.hpp"
+#include "efree/core/error.hpp"
 #include "efree/core/monitor.hpp"
 #include "efree/geometry/input/image_boundary.hpp"
 #include "efree/geometry/meshing/lattice_mesh.hpp"
@@ -34,6 +35,12 @@ struct CellOptions {
   bool half_voxel = false;  ///< also say what half a voxel changes
   bool held = false;        ///< refuse a problem whose largest body may move as a whole
   VoxelParts parts{};       ///< parts of the boundary besides those that an ImageBoundary names
+};
+
+/// A body that is loaded, or the largest one, and free to move on a grid: nothing holds it, or parts that are smaller
+/// than its cells.
+struct FreeBody : InputError {
+  using InputError::InputError;
 };
 
 /// Bodies of an image that are not what they are on a grid: cells with a point in common are one body there.
@@ -75,8 +82,8 @@ struct CellSolution {
   /// Ascending edges: the answer's own grid first. Without grids whose points near the supports do not hold the body.
   std::vector<CellLevel> levels;
   std::vector<AppliedLoad<3>> applied;  ///< the loads, as the finest grid has them
-  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids, less that of
-  /// interfaces; 1 where no coarser grid holds the body.
+  /// Relative error in the energy norm that the grid leaves, from the potentials of three grids, less
+  /// that of interfaces; 1 where no coarser grid holds the body.
   double grid_error = 0.0;
   /// Relative error in the energy norm of cells with several materials: the root of CellLevel::interface_energy over
   /// the strain energy.
@@ -117,7 +124,7 @@ struct CellSolution {
 /// Stages: assembly, solve. Throws InputError for a broken image, a size that is not positive, a label without material
 /// or with one that is anisotropic and differs from place to place by more than a factor, parts of the boundary that
 /// are none or empty, displacements that contradict each other, pressures that follow the body, mass forces without a
-/// density for every label (Loads::density, by label), a body that is loaded but not held, or too little memory;
+/// density for every label (Loads::density, by label), or too little memory, FreeBody for one that is not held;
 /// NumericalError if the iterations break down or do not end.
 ///
 /// One solution for each load case, with one hierarchy of grids.

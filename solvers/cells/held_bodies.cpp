@@ -181,7 +181,7 @@ int free_motions(const BodyConditions& body, const Eigen::Matrix<double, 6, 1>& 
   return static_cast<int>((stiffness.array() < 1e-9 * std::max(1.0, body.held.trace())).count());
 }
 
-/// Throws InputError for a body that is loaded but may move, and the `largest`, if it is one, that may move.
+/// Throws FreeBody for a body that is loaded but may move, and the `largest`, if it is one, that may move.
 void require_held(const CellProblem& problem, const CellBodies& bodies, const ConditionsByBody& all, Index largest,
                   const Vec<3>& middle, double length) {
   for (const auto& [body, of_body] : all) {
@@ -193,7 +193,7 @@ void require_held(const CellProblem& problem, const CellBodies& bodies, const Co
           fmt::join(motion_names<3>(motions.leftCols(free), problem.origin + problem.axes * middle, length), ", "));
     };
     if (body == largest && free > 0)
-      throw InputError(
+      throw FreeBody(
           fmt::format("underconstrained: the body at {} is free to move ({}); prescribe displacements that hold it, "
                       "and on parts that are "
                       "smaller than two cells take a smaller mesh_size",
@@ -201,7 +201,7 @@ void require_held(const CellProblem& problem, const CellBodies& bodies, const Co
     for (int m = 0; m < free; ++m)
       for (std::size_t k = 0; k < of_body.load.size(); ++k)
         if (std::abs(motions.col(m).dot(of_body.load[k])) > 1e-6 * of_body.forces[k])
-          throw InputError(
+          throw FreeBody(
               fmt::format("the body at {} is loaded, but free to move ({}): prescribe displacements that hold it",
                           text_of(problem.place(bodies.cell_of(body))), names()));
   }

@@ -86,6 +86,23 @@ TEST(BoundaryOffsets, FollowEdgesThatAreSplit) {
   expect_true_volume(split_long_edges<3>(coarse, 0.15), pi, 0.06);
 }
 
+TEST(BoundaryOffsets, FollowAMeshInAnotherUnitOfLength) {
+  for (const double factor : {1e-3, 25.4, 1.0 / 3.0}) {
+    const auto expect_scaled = [&](const auto& curved, auto dimension) {
+      constexpr int Dim = decltype(dimension)::value;
+      const FineMesh<Dim> mesh(curved.mesh);
+      const auto other = scaled<Dim>(curved, factor);
+      const Matrix before = facet_offsets(mesh, curved.boundary),
+                   after = facet_offsets(FineMesh<Dim>(other.mesh), other.boundary);
+      ASSERT_EQ(after.cols(), before.cols());
+      EXPECT_GT(before.cwiseAbs().maxCoeff(), 0.0);
+      EXPECT_LT((after - factor * before).cwiseAbs().maxCoeff(), 1e-15 * factor);
+    };
+    expect_scaled(solids::cylinder(1.0, 1.0, 0.4), std::integral_constant<int, 3>());
+    expect_scaled(triangulate_curved(shapes::annulus(1.0, 2.0, 0.3), {.size = 0.3}), std::integral_constant<int, 2>());
+  }
+}
+
 TEST(BoundaryOffsets, AreGuessedFromFacetsWhereNothingIsKnown) {
   const std::string ellipse = written("guess.geo",
                                       "SetFactory(\"OpenCASCADE\");\nEllipse(1) = {0, 0, 0, 2, 1};\n"

@@ -189,6 +189,8 @@ TEST_F(ReadImage, ThresholdsAndBackgrounds) {
   EXPECT_INPUT_ERROR(read_image<2>(path, {.threshold = 500.0}), "all of it is background");
   EXPECT_EQ(read_image<2>(put("a.png", grey_png), {.background = {0, 2}}).labels,
             (std::vector<Label>{0, 0, 0, 0, 1, 0}));
+  const auto missing = read_image_file<2>(put("a.png", grey_png), {.background = {0, 2, 7}});
+  EXPECT_EQ(std::ranges::count(missing.warnings, "no pixel of the image has the label 7, which background names"), 1);
   const float values[4] = {0.25f, 1.0f, 2.0f, 0.0f};
   const std::string floats = put("a.raw", std::string(reinterpret_cast<const char*>(values), sizeof values));
   const RawImage<2> raw{.size = {2, 2}, .type = "float32"};

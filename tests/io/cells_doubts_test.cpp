@@ -126,6 +126,20 @@ TEST(CellsDoubts, BarsThatASmallPartHoldsAreSolved) {
   EXPECT_GT(result["probes"]["tip"]["displacement"][0], pulled);
 }
 
+TEST(CellsDoubts, ByDefaultAFinerGridFollowsWhereASupportIsSmallerThanCells) {
+  const auto on_a_voxel = [](const std::string& text) {
+    return replaced(text, "on = \"left\"", "on = { box = [[0, 3, 3], [0, 4, 4]] }");
+  };
+  const Bar work(on_a_voxel(bar));
+  work.solve();
+  const auto result = json(work / "out/result.json");
+  EXPECT_LE(result["grid"]["edges"][0].get<double>(), 1.0);
+  EXPECT_GT(result["probes"]["tip"]["displacement"][0], 8.0 / 100.0 * 5.0);
+  // Cells of two have one of their points on it.
+  const Bar coarse(on_a_voxel(with_cells("2")));
+  EXPECT_THAT(coarse.solve(2), HasSubstr("underconstrained"));
+}
+
 /// Compliances add up; where the jump is within a cell the strain there is the same on both sides of it.
 TEST(CellsDoubts, JumpsOfAModulusBetweenPlacesAreInTheErrorAsThoseBetweenLabelsAre) {
   for (const int place : {5, 13})

@@ -154,9 +154,10 @@ on = "left"
       EXPECT_LT(result.reactions[0].error.norm(), small) << kind;
       const double said = bends ? 1e-3 : small;
       EXPECT_LT(result.probe_errors.at("tip").norm(), said) << kind;
-      // Bending has the same stress all along its edges: rounding says where it is read, next to corners or not.
+      // Bending has the same stress all along its edges: rounding says where it is read, next to corners or not. A
+      // mean in a corner's cell is off by the gradient of the stress, 1, times two thirds of an edge at most.
       for (const auto& extreme : result.extremes)
-        EXPECT_LT(*extreme.error, bends && extreme.of == "von_mises" ? 0.1 * extreme.value : 20.0 * said) << kind;
+        EXPECT_LT(*extreme.error, bends && extreme.of == "von_mises" ? 2.0 / 3.0 * 0.3 : 20.0 * said) << kind;
       EXPECT_LT(result.error_density.maxCoeff(), bends ? 0.05 : small) << kind;
     }
 }
