@@ -22,8 +22,8 @@ struct GridProblem {
 /// Solves the cases; sets cells, energies and estimates of the answers, and attempts and warnings of the result, whose
 /// answers are as many as there are cases. Calls tell(answer) for every answer whenever probes, reactions and extremes
 /// have to be known. Where nobody said how fine the grid is, grids of half the edges follow until bodies are held and
-/// the error is bearable: down to the voxels, to half of them if the answer were refused else, or as far as an accuracy that is
-/// asked for takes it. Throws as solve_on_cells.
+/// the error is bearable: down to the voxels, to half of them if the answer were refused else, or as far as an accuracy
+/// that is asked for takes it. Throws as solve_on_cells.
 void search_grid(const Settings<3>& settings, const GridProblem& problem, const std::function<void(ImageAnswer&)>& tell,
                  ImageResult& result, const Monitor& monitor);
 
