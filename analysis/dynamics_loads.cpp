@@ -164,7 +164,9 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
   for (const auto& [body, where] : settings.rigid_bodies)
     located(settings.common, where, [&, &added = body] { model.dynamics.add_rigid_body(added); });
   located(settings.common, where_said(settings.common, "analysis.gravity"), [&] {
-    if (settings.gravity_depends_on_time)
+    if (settings.gravity_field)
+      model.dynamics.set_gravity_field(settings.gravity_field);
+    else if (settings.gravity_depends_on_time)
       model.dynamics.set_gravity_law(settings.gravity);
     else if (settings.gravity)
       model.dynamics.set_gravity(settings.gravity(0.0));

@@ -52,9 +52,11 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
   construct(world, bodies, options);
   auto rigid_contact = std::make_unique<RigidContact<Dim>>(*scheme);
   auto gas = std::make_unique<Cavities<Dim>>();
+  auto gravity_forces = std::make_unique<Gravity<Dim>>();
   rigid = rigid_contact.get();
   cavities = gas.get();
-  world.interactions.push_back(gravity<Dim>());
+  gravity = gravity_forces.get();
+  world.interactions.push_back(std::move(gravity_forces));
   world.interactions.push_back(prescribed_velocities<Dim>());
   world.interactions.push_back(body_contact<Dim>(*scheme));
   world.interactions.push_back(std::move(rigid_contact));

@@ -223,6 +223,9 @@ template <int Dim> struct MotionLaw {
   }
 };
 
+/// Force per mass by the position at the time [length/time^2]. Called by one thread.
+template <int Dim> using GravityField = std::function<Vec<Dim>(const Vec<Dim>& x, double time)>;
+
 /// Velocities of nodes along an axis.
 template <int Dim> struct PrescribedVelocity {
   Index node;
@@ -271,6 +274,7 @@ template <int Dim> struct World {
   std::vector<Wall<Dim>> walls;
   Vec<Dim> gravity = Vec<Dim>::Zero();               ///< force per mass on all that has a mass
   std::function<Vec<Dim>(double time)> gravity_law;  ///< that it follows; empty: it stays as it is
+  GravityField<Dim> gravity_field;                   ///< in addition, where it depends on the position; empty: none
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
   double stable_step = 0.0, first_stable_step = 0.0;
@@ -310,6 +314,8 @@ template <int Dim> struct World {
   Vec<Dim> mean_gravity(double dt) const {
     return gravity_law ? Vec<Dim>(0.5 * (gravity + gravity_law(time + dt))) : gravity;
   }
+  /// The force per mass at a position at a time, of gravity_field alone. Throws InputError where it is not finite.
+  Vec<Dim> field_at(const Vec<Dim>& x, double time) const;
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
   /// Length of the body out of the plane at a radius: of the full revolution, or one.
   double out_of_plane(double radius) const { return axisymmetric() ? 2.0 * std::numbers::pi * radius : 1.0; }
