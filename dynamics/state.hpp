@@ -165,6 +165,8 @@ template <int Dim> struct Chunk {
   template <class Visit> void for_each_patch(const Visit& visit) const {
     for (std::size_t k = 0; k + 1 < patches.size(); ++k) visit(patches[k], patches[k + 1]);
   }
+  /// Whether its points have shape functions in the table: by some schemes they have none.
+  bool has_table() const { return !table.entries.empty(); }
   /// Whether there are pressure patches of more than one point.
   bool has_patches() const { return static_cast<Index>(patches.size()) != size() + 1; }
   /// Points go on as those of `from`, ascending, of which some may be left out and some may be there twice. Returns of
@@ -259,6 +261,9 @@ template <int Dim> struct World {
   std::vector<Chunk<Dim>> chunks;
   std::vector<std::pair<Index, Index>> place_of_point;  ///< by point: chunk and number there
   NodeChunks node_chunks;
+  /// Where nodes do not stay with the material: K x N, shape functions of the nodes of a body at each position (Dim x
+  /// K) on its surface, for loads there. Empty: nodes do.
+  std::function<SparseRows(const World&, const Points<Dim>& at, const std::vector<Index>& bodies)> functions_at;
   ConsistentMass<Dim> consistent_mass;
   SurfacePoints surface_points;
   std::vector<PrescribedVelocity<Dim>> prescribed;

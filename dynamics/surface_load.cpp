@@ -59,7 +59,10 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
     const Nodes<Dim>& nodes = world.nodes;
     // The force at a time works along half of the way before and half of the way after.
     const Points<Dim> way = 0.5 * (world.last_step * nodes.v_before + dt * nodes.v);
-    if (has_forces()) world.ledger.add_energy("loads", EnergyKind::work, forces_.cwiseProduct(way).sum());
+    if (is_carried())
+      carry_vertices(world, dt);
+    else if (has_forces())
+      world.ledger.add_energy("loads", EnergyKind::work, forces_.cwiseProduct(way).sum());
     if (!load_.damping.isZero(0.0))
       world.ledger.add_energy("damping", EnergyKind::loss,
                               -0.5 * by_dampers_.cwiseProduct(nodes.v + nodes.v_before).sum());
@@ -68,6 +71,7 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
   void add_forces(World<Dim>& world) override {
     if (start_.cols() == 0) begin(world);
     if (std::exchange(num_eroded_, world.num_eroded) != world.num_eroded) drop_eroded(world);
+    if (is_carried()) return add_carried_forces(world);
     if (has_forces()) {
       const Points<Dim> before = std::exchange(forces_, on_nodes(tractions(world) + pressures(world)));
       world.nodes.force += forces_;
@@ -76,7 +80,21 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
         world.ledger.add_energy("loads", EnergyKind::work,
                                 0.5 * world.last_step * (before - forces_).cwiseProduct(world.nodes.v).sum());
     }
-    if (has_springs()) world.nodes.force -= on_nodes(spring_forces(world, at_vertices(world.nodes.x) - start_));
+    if (has_springs()) world.nodes.force -= on_nodes(spring_forces(world, displacements(world)));
+  }
+
+  /// By the largest row sum of M^-1 N^T K N, with absolute values of N.
+  double squared_frequency(const World<Dim>& world) const override {
+    if (!has_springs()) return 0.0;
+    const SparseRows sizes = functions_.cwiseAbs();
+    const Vector sums = sizes * Vector::Ones(sizes.cols());
+    const Points<Dim> by_vertex = spring_forces(world, sums.transpose().replicate(Dim, 1));
+    const Points<Dim> by_node = (sizes.transpose() * by_vertex.transpose()).transpose();
+    double largest = 0.0;
+    for (Index a = 0; a < world.nodes.size(); ++a)
+      if (const double mass = world.nodes.mass[a]; mass > 0.0)
+        largest = std::max(largest, by_node.col(a).maxCoeff() / mass);
+    return largest;
   }
 
   void add_stiffness(const World<Dim>& world, const Points<Dim>& displacement, Points<Dim>& force) const override {
@@ -85,10 +103,11 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
 
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override {
     if (has_forces())
-      balance.energies.add_energy("loads", EnergyKind::work,
-                                  0.5 * world.last_step * forces_.cwiseProduct(world.nodes.v).sum());
+      balance.energies.add_energy(
+          "loads", EnergyKind::work,
+          0.5 * world.last_step * forces_.cwiseProduct(is_carried() ? velocities_ : world.nodes.v).sum());
     if (!has_springs()) return;
-    const Points<Dim> moved = at_vertices(world.nodes.x) - start_;
+    const Points<Dim> moved = displacements(world);
     balance.energies.add_energy("springs", EnergyKind::stored,
                                 0.5 * spring_forces(world, moved).cwiseProduct(moved).sum());
   }
@@ -105,6 +124,11 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
     const Eigen::Index before = facets_.cols();
     if (of_a >= 0 && of_b >= 0) internal::split_facets<Dim>(facets_, of_a, of_b, added);
     if (facets_.cols() == before) return;
+    if (!owner_.empty()) owner_.resize(static_cast<std::size_t>(facets_.cols()), -1);
+    if (offset_.cols() > 0) {
+      offset_.conservativeResize(Eigen::NoChange, added + 1);
+      offset_.col(added) = 0.5 * (offset_.col(of_a) + offset_.col(of_b));
+    }
     start_.conservativeResize(Eigen::NoChange, added + 1);
     start_.col(added) = 0.5 * (start_.col(of_a) + start_.col(of_b));
     std::vector<Entry> more = entries();
@@ -115,7 +139,8 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
   void pack(Archive& archive) override {
     std::vector<Entry> of = entries();
     auto num_nodes = static_cast<Index>(functions_.cols());
-    archive(facets_, start_, forces_, time_, num_eroded_, num_nodes, of);
+    archive(facets_, start_, forces_, time_, num_eroded_, num_nodes, of, owner_, offset_, at_, velocities_,
+            transferred_);
     if (archive.reads()) assemble(static_cast<Index>(start_.cols()), num_nodes, of);
   }
 
@@ -144,26 +169,130 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
   }
   bool has_forces() const { return load_.traction || load_.pressure; }
   bool has_springs() const { return !load_.stiffness.isZero(0.0); }
+  /// Whether vertices move through the nodes, which do not stay with the material.
+  bool is_carried() const { return !load_.part.bodies.empty(); }
 
   void begin(const World<Dim>& world) {
-    if (functions_.cols() != world.nodes.size() || facets_.size() == 0 || facets_.minCoeff() < 0 ||
-        facets_.maxCoeff() >= functions_.rows())
+    const SurfacePart<Dim>& part = load_.part;
+    const Eigen::Index count = is_carried() ? std::ssize(part.bodies) : functions_.rows();
+    if ((!is_carried() && functions_.cols() != world.nodes.size()) || facets_.size() == 0 || facets_.minCoeff() < 0 ||
+        facets_.maxCoeff() >= count)
       throw InputError(fmt::format("a load on a surface: expected facets of vertices that move with the {} nodes",
                                    world.nodes.size()));
-    keep_used_vertices();
-    renumber(world.nodes.size(), [&](Index a) { return world.nodes.master_of(a); });
-    start_ = at_vertices(world.nodes.x);
+    if (is_carried() != static_cast<bool>(world.functions_at))
+      throw InputError(
+          "a load on a surface: expected positions and bodies of the vertices where nodes do not stay with the "
+          "material, and else functions of the nodes");
+    if (part.positions.cols() != count && (is_carried() || part.positions.cols() != 0))
+      throw InputError("a load on a surface: expected a position for every vertex");
+    if (part.places.rows() != 0 && (part.places.rows() != count || part.places.cols() != world.nodes.size()))
+      throw InputError(fmt::format("a load on a surface: expected places of vertices that move with the {} nodes",
+                                   world.nodes.size()));
+    keep_used_vertices(count);
     num_eroded_ = world.num_eroded;
+    if (is_carried()) {
+      start_ = at_ = part.positions;
+      velocities_.setZero(Dim, start_.cols());
+    } else {
+      renumber(world.nodes.size(), [&](Index a) { return world.nodes.master_of(a); });
+      start_ = at_vertices(world.nodes.x);
+      if (part.positions.cols() > 0) {
+        offset_ = part.positions - start_;
+        start_ = part.positions;
+      }
+    }
+    find_owners(world);
     if (load_.traction) law_.resize(Dim, start_.cols());
   }
 
-  void keep_used_vertices() {
-    std::vector<Index> number(static_cast<std::size_t>(functions_.rows()), -1);
+  /// Of bodies without cells, and of those whose nodes do not stay: the material point nearest to each facet.
+  void find_owners(const World<Dim>& world) {
+    const auto body_of = [&](Index f) {
+      const Index vertex = facets_(0, f);
+      return is_carried() ? load_.part.bodies[vertex]
+                          : world.nodes.body[SparseRows::InnerIterator(functions_, vertex).col()];
+    };
+    for (Index b = 0; b < world.num_bodies(); ++b) {
+      if (!is_carried() && world.bodies[b].cells.cols() > 0) continue;
+      owner_.resize(static_cast<std::size_t>(facets_.cols()), -1);
+      Points<Dim> points(Dim, world.first_point[b + 1] - world.first_point[b]);
+      for (const auto& chunk : world.chunks)
+        for (Index p = 0; chunk.body == b && p < chunk.size(); ++p) points.col(chunk.number[p]) = chunk.matter.x.col(p);
+      internal::Neighbours<Dim> tree;
+      tree.build(points);
+      for (Index f = 0; f < facets_.cols(); ++f)
+        if (body_of(f) == b)
+          owner_[f] = world.first_point[b] + tree.nearest(facet_corners(start_, facets_, f).rowwise().mean());
+    }
+  }
+
+  /// Positions of the vertices now.
+  Points<Dim> positions(const World<Dim>& world) const {
+    if (is_carried()) return at_;
+    if (const SparseRows& places = load_.part.places; places.rows() > 0)
+      return (places * world.nodes.x.transpose()).transpose();
+    if (offset_.cols() > 0) return at_vertices(world.nodes.x) + offset_;
+    return at_vertices(world.nodes.x);
+  }
+  /// Of the vertices, by the functions by which loads act.
+  Points<Dim> displacements(const World<Dim>& world) const {
+    if (is_carried()) return at_ - start_;
+    if (offset_.cols() > 0) return at_vertices(world.nodes.x) + offset_ - start_;
+    return at_vertices(world.nodes.x) - start_;
+  }
+
+  /// As add_forces, with functions of the nodes that there are now. Work is that along the motion of the vertices: what
+  /// their velocity has lost with the transfer from the points to new nodes is lost to that.
+  void add_carried_forces(World<Dim>& world) {
+    functions_ = world.functions_at(world, at_, load_.part.bodies);
+    const bool again = std::exchange(time_, world.time) == world.time;
+    Points<Dim> all = Points<Dim>::Zero(Dim, at_.cols());
+    if (has_forces()) {
+      const Points<Dim> before = std::exchange(forces_, tractions(world) + pressures(world));
+      all += forces_;
+      if (again && before.cols() == forces_.cols())
+        world.ledger.add_energy("loads", EnergyKind::work,
+                                0.5 * world.last_step * (before - forces_).cwiseProduct(velocities_).sum());
+    }
+    if (has_springs()) all -= spring_forces(world, displacements(world));
+    world.nodes.force += on_nodes(all);
+    const double lost = 0.5 * world.last_step * all.cwiseProduct(velocities_ - at_vertices(world.nodes.v)).sum();
+    world.ledger.add_energy("transfer", EnergyKind::transfer, again ? lost - transferred_ : lost);
+    transferred_ = lost;
+  }
+  void carry_vertices(World<Dim>& world, double dt) {
+    const Points<Dim> now = at_vertices(world.nodes.v), way = 0.5 * (world.last_step * velocities_ + dt * now);
+    if (has_forces()) world.ledger.add_energy("loads", EnergyKind::work, forces_.cwiseProduct(way).sum());
+    at_ += dt * now;
+    velocities_ = now;
+  }
+
+  void keep_used_vertices(Eigen::Index num_vertices) {
+    std::vector<Index> number(static_cast<std::size_t>(num_vertices), -1), used_vertices, used_bodies;
     Index count = 0;
     for (Index& vertex : facets_.reshaped()) {
-      if (number[vertex] < 0) number[vertex] = count++;
+      if (number[vertex] < 0) {
+        number[vertex] = count++;
+        used_vertices.push_back(vertex);
+      }
       vertex = number[vertex];
     }
+    SurfacePart<Dim>& part = load_.part;
+    if (part.positions.cols() > 0) part.positions = Points<Dim>(part.positions(Eigen::all, used_vertices));
+    if (part.places.rows() > 0) {
+      SparseRows places(count, static_cast<Index>(part.places.cols()));
+      for (Index k = 0; k < count; ++k) {
+        places.startVec(k);
+        for (SparseRows::InnerIterator entry(part.places, used_vertices[k]); entry; ++entry)
+          places.insertBack(k, entry.col()) = entry.value();
+      }
+      places.finalize();
+      part.places = std::move(places);
+    }
+    for (std::size_t k = 0; k < used_vertices.size() && is_carried(); ++k)
+      used_bodies.push_back(part.bodies[used_vertices[k]]);
+    part.bodies = used_bodies;
+    if (is_carried()) return;
     std::vector<Entry> used = entries();
     std::erase_if(used, [&](const Entry& entry) { return number[entry.vertex] < 0; });
     for (Entry& entry : used) entry.vertex = number[entry.vertex];
@@ -199,7 +328,7 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
     if (!load_.pressure) return Points<Dim>::Zero(Dim, start_.cols());
     Vector pressure(start_.cols());
     for (Index k = 0; k < start_.cols(); ++k) pressure[k] = load_.pressure(start_.col(k), world.time);
-    return integrate(world, load_.follows ? at_vertices(world.nodes.x) : start_,
+    return integrate(world, load_.follows ? positions(world) : start_,
                      [&](Index k, const Vec<Dim>& area) { return Vec<Dim>(-pressure[k] * area); });
   }
   Points<Dim> spring_forces(const World<Dim>& world, const Points<Dim>& moved) const {
@@ -218,16 +347,26 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
       return sorted;
     };
     for (Index b = 0; b < world.num_bodies(); ++b)
-      if (world.bodies[b].cells.cols() > 0) {
+      if (world.bodies[b].cells.cols() > 0 && !is_carried()) {
         const Facets<Dim> facets = outer_facets(world, b);
         for (Index f = 0; f < facets.cols(); ++f) outer.insert(key(facets.col(f)));
       }
-    std::vector<Index> kept;
+    std::vector<Index> kept, owners;
     for (Index f = 0; f < facets_.cols(); ++f) {
+      if (!owner_.empty() && owner_[f] >= 0) {
+        const auto [chunk, p] = world.locate(owner_[f]);
+        if (chunk.is_eroded(p)) continue;
+        kept.push_back(f);
+        owners.push_back(owner_[f]);
+        continue;
+      }
       std::array<Index, Dim> nodes;
       for (int i = 0; i < Dim; ++i) nodes[i] = SparseRows::InnerIterator(functions_, facets_(i, f)).col();
-      if (outer.contains(key(nodes))) kept.push_back(f);
+      if (!outer.contains(key(nodes))) continue;
+      kept.push_back(f);
+      if (!owner_.empty()) owners.push_back(-1);
     }
+    owner_ = owners;
     facets_ = Facets<Dim>(facets_(Eigen::all, kept));
   }
 
@@ -256,12 +395,17 @@ template <int Dim> class SurfaceLoads final : public Interaction<Dim> {
   }
 
   Facets<Dim> facets_;
-  SparseRows functions_;   ///< as of SurfacePart
-  SurfaceLoad<Dim> load_;  ///< without its part
-  Points<Dim> start_;      ///< positions of the vertices at the start; empty: it has not begun
-  Index num_eroded_ = 0;   ///< of the world when facets were dropped
-  Points<Dim> forces_;     ///< of tractions and pressures on nodes
-  double time_ = -1.0;     ///< of these
+  SparseRows functions_;        ///< as of SurfacePart
+  Points<Dim> start_;           ///< positions of the vertices at the start; empty: it has not begun
+  SurfaceLoad<Dim> load_;       ///< of its part the positions at the start and the bodies
+  Points<Dim> offset_;          ///< start_ less positions by the functions then; empty: none
+  Index num_eroded_ = 0;        ///< of the world when facets were dropped
+  Points<Dim> forces_;          ///< of tractions and pressures, on nodes or, where vertices are carried, on these
+  double time_ = -1.0;          ///< of these
+  std::vector<Index> owner_{};  ///< by facet the point with which it breaks; -1, or empty: it does with its cell
+  // Where vertices are carried.
+  Points<Dim> at_, velocities_;  ///< of the vertices: positions, velocities half a step ago
+  double transferred_ = 0.0;     ///< energy in the last transfer of velocities
   // In this step.
   Points<Dim> by_dampers_;  ///< impulses on nodes
   Points<Dim> law_;         ///< tractions by vertex
