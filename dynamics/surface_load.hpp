@@ -22,8 +22,8 @@ template <int Dim> struct SurfacePart {
   /// K x N: functions by which positions of the vertices follow the nodes, where loads act by others. Empty:
   /// `functions`.
   SparseRows places{};
-  /// By vertex the body that it is of, for schemes whose nodes do not stay with the material: World::functions_at has
-  /// the functions in every step, by which vertices move and bear loads. Empty: `functions` stay.
+  /// By vertex the body that it is of, for schemes whose nodes do not stay with the material: vertices move with the
+  /// points around them (of a mesh: with the nodes), and bear loads by World::functions_at. Empty: `functions` stay.
   std::vector<Index> bodies{};
 };
 

@@ -132,6 +132,24 @@ TEST(LatticeLoads, AFreeBarTakesUpTheImpulseOfATraction) {
   }
 }
 
+TEST(LatticeLoads, ALoadStaysOnABodyThatItMovesFarThroughTheGrid) {
+  for (const On on : {On::points, On::mesh}) {
+    SCOPED_TRACE(static_cast<int>(on));
+    const OnLattice<2> bar = bar_on(on, 1.0, 0.5, 0.1);
+    Dynamics<2> dynamics = bar.dynamics();
+    dynamics.add_interaction(surface_load<2>(
+        {.part = bar.part("right"), .traction = [](const Vec<2>&, double) { return Vec<2>(0.02, 0.0); }}));
+    const Points<2> start = dynamics.points();
+    dynamics.run(20.0);
+    const auto balance = dynamics.balance();
+    EXPECT_GT((dynamics.points() - start).row(0).minCoeff(), 3.9);  // cells of 0.1
+    EXPECT_NEAR(balance.momentum[0], 0.5 * 0.02 * 20.0, 1e-3);      // of up to half a step ago
+    EXPECT_NEAR(balance["kinetic"], 0.04, 1e-3 * 0.04);
+    EXPECT_NEAR(balance["loads"], 0.04, 0.02 * 0.04);
+    EXPECT_LT(std::abs(dynamics.energy().largest_error()), 0.01);
+  }
+}
+
 /// A bar of length 2, held at its left end, under a traction of 1e-3 from time 0 on: errors of the displacement along
 /// it over 2e-3, at most, at 2 L / c, where it is twice that at rest, and at 4 L / c, where it is none.
 std::pair<double, double> errors_of_sudden_traction(On on, double size) {
