@@ -136,6 +136,7 @@ template <int Dim> struct DynamicsSettings {
   std::optional<bool> pressure_patches{};
   std::function<Vec<Dim>(double time)> gravity{};  ///< force per mass [length/time^2]; empty: none
   bool gravity_depends_on_time = false;            ///< else it is asked once
+  GravityField<Dim> gravity_field{};               ///< instead, where it depends on the position; empty: none
   std::vector<InitialVelocity<Dim>> initial_velocities{};
   std::optional<StaticStart<Dim>> static_start{};
   std::vector<RegionFracture> fractures{};  ///< at most one of a region

@@ -15,29 +15,41 @@ namespace {
 /// A part of the boundary, of all bodies.
 template <int Dim> SurfacePart<Dim> join_surfaces(const std::vector<RegionBody<Dim>>& regions, const std::string& part,
                                                   const Dynamics<Dim>& dynamics) {
-  SurfacePart<Dim> result{.facets = Facets<Dim>(Dim, 0), .functions = {}};
-  std::vector<Eigen::Triplet<double, Index>> entries;
+  SurfacePart<Dim> result{.facets = Facets<Dim>(Dim, 0)};
+  std::vector<Eigen::Triplet<double, Index>> entries, of_places;
+  const auto append = [&](const SparseRows& rows, Index first_vertex, Index first_node, auto& to) {
+    for (Index k = 0; k < rows.rows(); ++k)
+      for (SparseRows::InnerIterator entry(rows, k); entry; ++entry)
+        to.emplace_back(first_vertex + k, first_node + entry.col(), entry.value());
+  };
   Index vertices = 0;
   for (std::size_t b = 0; b < regions.size(); ++b) {
     const auto found = regions[b].surfaces.find(part);
     if (found != regions[b].surfaces.end()) {
-      const auto& [facets, functions] = found->second;
+      const auto& [facets, functions, positions, places, bodies] = found->second;
       const Eigen::Index before = result.facets.cols();
       result.facets.conservativeResize(Eigen::NoChange, before + facets.cols());
       result.facets.rightCols(facets.cols()) = facets.array() + vertices;
-      for (Index k = 0; k < functions.rows(); ++k)
-        for (SparseRows::InnerIterator entry(functions, k); entry; ++entry)
-          entries.emplace_back(vertices + k, dynamics.first_node(static_cast<Index>(b)) + entry.col(), entry.value());
-      vertices += static_cast<Index>(functions.rows());
+      append(functions, vertices, dynamics.first_node(static_cast<Index>(b)), entries);
+      append(places, vertices, dynamics.first_node(static_cast<Index>(b)), of_places);
+      result.positions.conservativeResize(Dim, result.positions.cols() + positions.cols());
+      result.positions.rightCols(positions.cols()) = positions;
+      result.bodies.insert(result.bodies.end(), bodies.size(), static_cast<Index>(b));
+      vertices += static_cast<Index>(std::max(functions.rows(), positions.cols()));
     }
   }
   result.functions.resize(vertices, dynamics.num_nodes());
   result.functions.setFromTriplets(entries.begin(), entries.end());
+  if (of_places.empty()) return result;
+  result.places.resize(vertices, dynamics.num_nodes());
+  result.places.setFromTriplets(of_places.begin(), of_places.end());
   return result;
 }
 
 template <int Dim> double area_of_surface(const SurfacePart<Dim>& part, const Dynamics<Dim>& dynamics) {
-  const Points<Dim> at = (part.functions * dynamics.nodes().transpose()).transpose();
+  const Points<Dim> at = part.positions.cols() > 0
+                             ? part.positions
+                             : Points<Dim>((part.functions * dynamics.nodes().transpose()).transpose());
   double area = 0.0;
   for (Index f = 0; f < part.facets.cols(); ++f) {
     const Mat<Dim> corners = facet_corners(at, part.facets, f);
@@ -49,10 +61,8 @@ template <int Dim> double area_of_surface(const SurfacePart<Dim>& part, const Dy
 template <int Dim> void add_boundary_loads(const DynamicsSettings<Dim>& settings,
                                            const std::vector<RegionBody<Dim>>& regions, DynamicsModel<Dim>& model) {
   for (const auto& [on, load, force, where] : settings.boundary_loads) {
-    if (settings.method != DynamicsMethod::otm && settings.method != DynamicsMethod::total_lagrangian)
-      throw InputError(said_at(where,
-                               "loads on a boundary need nodes there: take dynamics.method = \"otm\", or a [cloud], or "
-                               "gravity and prescribed velocities"));
+    if (settings.method == DynamicsMethod::sph && settings.sph.options.splitting.strain > 0.0)
+      throw InputError(said_at(where, "loads on a boundary are not for particles that split: leave out sph.splitting"));
     SurfaceLoad<Dim> added = load;
     added.part = join_surfaces(regions, on, model.dynamics);
     if (force) {
@@ -164,7 +174,9 @@ template <int Dim> void add_loads(const DynamicsSettings<Dim>& settings, const s
   for (const auto& [body, where] : settings.rigid_bodies)
     located(settings.common, where, [&, &added = body] { model.dynamics.add_rigid_body(added); });
   located(settings.common, where_said(settings.common, "analysis.gravity"), [&] {
-    if (settings.gravity_depends_on_time)
+    if (settings.gravity_field)
+      model.dynamics.set_gravity_field(settings.gravity_field);
+    else if (settings.gravity_depends_on_time)
       model.dynamics.set_gravity_law(settings.gravity);
     else if (settings.gravity)
       model.dynamics.set_gravity(settings.gravity(0.0));

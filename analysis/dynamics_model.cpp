@@ -190,6 +190,9 @@ template <int Dim> RegionBody<Dim> region_on_lattice(const FineMesh<Dim>& mesh, 
                  "take a larger mpm.cell, or fewer mpm.points");
   RegionBody<Dim> result{body_on_lattice<Dim>(mesh, mpm.frame, options, mpm.points_along, material, 0.0)};
   if (!averages_dilatation(settings, *material)) result.body.patches.clear();
+  for (const std::string& part : loaded_parts(settings))
+    if (const auto* facets = facets_of(mesh, part))
+      result.surfaces[part] = surface_on_lattice(mesh, *facets, mpm.frame, options, result.body);
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on)) {
       auto near = points_near_facets<Dim>(mesh, *facets, result.body.points, options.cell);
@@ -217,6 +220,9 @@ template <int Dim> RegionBody<Dim> region_of_particles(const FineMesh<Dim>& mesh
   for (const auto& part : settings.boundary_velocities)
     if (const auto* facets = facets_of(mesh, part.on))
       result.nodes_on[part.on] = points_near_facets<Dim>(mesh, *facets, result.body.points, options.spacing);
+  for (const std::string& part : loaded_parts(settings))
+    if (const auto* facets = facets_of(mesh, part))
+      result.surfaces[part] = surface_of_particles(mesh, *facets, options, result.body);
   return result;
 }
 

@@ -52,9 +52,11 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
   construct(world, bodies, options);
   auto rigid_contact = std::make_unique<RigidContact<Dim>>(*scheme);
   auto gas = std::make_unique<Cavities<Dim>>();
+  auto gravity_forces = std::make_unique<Gravity<Dim>>();
   rigid = rigid_contact.get();
   cavities = gas.get();
-  world.interactions.push_back(gravity<Dim>());
+  gravity = gravity_forces.get();
+  world.interactions.push_back(std::move(gravity_forces));
   world.interactions.push_back(prescribed_velocities<Dim>());
   world.interactions.push_back(body_contact<Dim>(*scheme));
   world.interactions.push_back(std::move(rigid_contact));
@@ -235,10 +237,14 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
 }
 
 template <int Dim> void Driver<Dim>::estimate_stable_step(Index most_products, bool is_due) {
-  if (const auto known = scheme->stable_step(world))
-    world.stable_step = *known;
-  else if (is_due)
+  if (const auto known = scheme->stable_step(world)) {
+    double squared = 0.0;
+    for (const auto& interaction : world.interactions) squared += interaction->squared_frequency(world);
+    const double limit = 2.0 * world.options.courant;
+    world.stable_step = squared > 0.0 ? limit / std::sqrt(squared + std::pow(limit / *known, 2)) : *known;
+  } else if (is_due) {
     stable.estimate(world, most_products);
+  }
 }
 
 template <int Dim> void Driver<Dim>::pack(Archive& archive) {

@@ -141,6 +141,7 @@ template <int Dim> void Dynamics<Dim>::set_gravity(const Vec<Dim>& acceleration)
   if (world.axisymmetric() && acceleration[0] != 0.0)
     throw InputError(fmt::format(
         "gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone", acceleration[0]));
+  if (world.gravity_field) parts_->gravity->set_field(world, {});
   world.nodes.force += (acceleration - world.gravity) * world.nodes.mass.transpose();
   world.gravity = acceleration;
   world.gravity_law = {};
@@ -150,6 +151,12 @@ template <int Dim> void Dynamics<Dim>::set_gravity_law(std::function<Vec<Dim>(do
   require(acceleration != nullptr, "set_gravity_law: expected a law");
   set_gravity(acceleration(time()));
   parts_->world.gravity_law = std::move(acceleration);
+}
+
+template <int Dim> void Dynamics<Dim>::set_gravity_field(GravityField<Dim> acceleration) {
+  require(acceleration != nullptr, "set_gravity_field: expected a field");
+  set_gravity(Vec<Dim>::Zero());
+  parts_->gravity->set_field(parts_->world, std::move(acceleration));
 }
 
 template <int Dim> void Dynamics<Dim>::erode(Index point) {

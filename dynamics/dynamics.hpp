@@ -58,6 +58,10 @@ template <int Dim> class Dynamics {
   void set_gravity(const Vec<Dim>& acceleration);
   /// Likewise by the time.
   void set_gravity_law(std::function<Vec<Dim>(double time)> acceleration);
+  /// Likewise by position and time: of nodes (mpm: those of the grid, up to two cells outside of bodies) and of the
+  /// centres of rigid bodies, where they are at the time. In an axisymmetric section along the radius, too. Throws
+  /// InputError where it is empty or not finite, in steps as well.
+  void set_gravity_field(GravityField<Dim> acceleration);
 
   /// The point bears no stress from now on: its mass stays with its nodes, with their velocities, and the energy stored
   /// in it is lost ("fracture"). Nothing happens to a point that is eroded.

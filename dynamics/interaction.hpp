@@ -24,6 +24,9 @@ template <int Dim> class Interaction {
   virtual void add_forces(World<Dim>&) {}
   /// Adds its stiffness times a small displacement of the nodes, for the stable time step.
   virtual void add_stiffness(const World<Dim>&, const Points<Dim>& /*displacement*/, Points<Dim>& /*force*/) const {}
+  /// No less than the largest squared angular frequency of its stiffness with the masses of the nodes [1/time^2], for
+  /// schemes that know their stable step.
+  virtual double squared_frequency(const World<Dim>&) const { return 0.0; }
   /// Whether it keeps bodies from passing through each other.
   virtual bool is_contact() const { return false; }
   /// Longest step that it bears.

@@ -36,32 +36,23 @@ template <int Dim> Vec<Dim> centrifugal(const World<Dim>& world, const Points<Di
   return -rotation_velocity<Dim>(world.frame_spin, rotation_velocity<Dim>(world.frame_spin, at.col(node)));
 }
 
-template <int Dim> class Gravity final : public Interaction<Dim> {
- public:
-  void add_forces(World<Dim>& world) override {
-    if (world.gravity_law) world.gravity = world.gravity_law(world.time);
-    if (world.axisymmetric() && world.gravity[0] != 0.0)
-      throw InputError(
-          fmt::format("gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone",
-                      world.gravity[0]));
-    Nodes<Dim>& nodes = world.nodes;
-    if (!world.gravity.isZero(0.0)) nodes.force += world.gravity * nodes.mass.transpose();
-    if (world.frame_spin.isZero(0.0)) return;
-    for (Index a = 0; a < nodes.size(); ++a) nodes.force.col(a) += nodes.mass[a] * centrifugal(world, nodes.x, a);
-  }
-  void finish_kick(World<Dim>& world, double /*kick*/, double dt) override {
-    if (const Vec<Dim> mean = world.mean_gravity(dt); !mean.isZero(0.0))
-      world.ledger.add_energy("gravity", EnergyKind::work, dt * mean.dot(world.nodes.v * world.nodes.mass));
-    if (world.frame_spin.isZero(0.0)) return;
-    // Linear in the place: its mean over the step is that in the middle.
-    const Nodes<Dim>& nodes = world.nodes;
-    const Points<Dim> middle = nodes.x + 0.5 * dt * nodes.v;
-    double work = 0.0;
-    for (Index a = 0; a < nodes.size(); ++a)
-      work += dt * nodes.mass[a] * centrifugal(world, middle, a).dot(nodes.v.col(a));
-    world.ledger.add_energy("gravity", EnergyKind::work, work);
-  }
-};
+/// Adds the forces by World::gravity_field to nodes.force; forces: Dim x N, these. They are the masses, lumped or
+/// consistent, times the field at the nodes, which are then accelerated as it says.
+template <int Dim> void add_field(World<Dim>& world, Points<Dim>& forces) {
+  Nodes<Dim>& nodes = world.nodes;
+  Points<Dim> field = Points<Dim>::Zero(Dim, nodes.size());
+  for (Index a = 0; a < nodes.size(); ++a)
+    if (nodes.mass[a] > 0.0) field.col(a) = world.field_at(nodes.x.col(a), world.time);
+  forces = field * nodes.mass.asDiagonal();
+  const ConsistentMass<Dim>& consistent = world.consistent_mass;
+  if (consistent.any())
+    parallel_for(nodes.size(), [&](Index a) {
+      if (consistent.terms[nodes.body[a]] == 1) return;
+      for (SparseRows::InnerIterator entry(consistent.coupling, a); entry; ++entry)
+        forces.col(a) += entry.value() * (field.col(entry.col()) - field.col(a));
+    });
+  nodes.force += forces;
+}
 
 template <int Dim> class PrescribedVelocities final : public Interaction<Dim> {
  public:
@@ -110,9 +101,49 @@ template <int Dim> void split_facets(Facets<Dim>& facets, Index a, Index b, Inde
   }
 }
 
-template <int Dim> std::unique_ptr<Interaction<Dim>> gravity() {
-  return std::make_unique<Gravity<Dim>>();
+template <int Dim> void Gravity<Dim>::set_field(World<Dim>& world, GravityField<Dim> field) {
+  Nodes<Dim>& nodes = world.nodes;
+  if (by_field_.cols() == nodes.size()) nodes.force -= by_field_;
+  by_field_.resize(Dim, 0);
+  world.gravity_field = std::move(field);
+  if (world.gravity_field) add_field(world, by_field_);
 }
+
+template <int Dim> void Gravity<Dim>::add_forces(World<Dim>& world) {
+  if (world.gravity_law) world.gravity = world.gravity_law(world.time);
+  if (world.axisymmetric() && world.gravity[0] != 0.0)
+    throw InputError(fmt::format(
+        "gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone", world.gravity[0]));
+  Nodes<Dim>& nodes = world.nodes;
+  if (!world.gravity.isZero(0.0)) nodes.force += world.gravity * nodes.mass.transpose();
+  if (world.gravity_field) add_field(world, by_field_);
+  if (world.frame_spin.isZero(0.0)) return;
+  for (Index a = 0; a < nodes.size(); ++a) nodes.force.col(a) += nodes.mass[a] * centrifugal(world, nodes.x, a);
+}
+
+template <int Dim> void Gravity<Dim>::finish_kick(World<Dim>& world, double /*kick*/, double dt) {
+  const Nodes<Dim>& nodes = world.nodes;
+  if (const Vec<Dim> mean = world.mean_gravity(dt); !mean.isZero(0.0))
+    world.ledger.add_energy("gravity", EnergyKind::work, dt * mean.dot(nodes.v * nodes.mass));
+  // The force at a time works along half of the way before and half of the way after.
+  if (world.gravity_field && by_field_.cols() == nodes.size())
+    world.ledger.add_energy("gravity", EnergyKind::work,
+                            0.5 * by_field_.cwiseProduct(world.last_step * nodes.v_before + dt * nodes.v).sum());
+  if (world.frame_spin.isZero(0.0)) return;
+  // Linear in the place: its mean over the step is that in the middle.
+  const Points<Dim> middle = nodes.x + 0.5 * dt * nodes.v;
+  double work = 0.0;
+  for (Index a = 0; a < nodes.size(); ++a)
+    work += dt * nodes.mass[a] * centrifugal(world, middle, a).dot(nodes.v.col(a));
+  world.ledger.add_energy("gravity", EnergyKind::work, work);
+}
+
+template <int Dim> void Gravity<Dim>::tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const {
+  if (world.gravity_field && by_field_.cols() == world.nodes.size())
+    balance.energies.add_energy("gravity", EnergyKind::work,
+                                0.5 * world.last_step * by_field_.cwiseProduct(world.nodes.v).sum());
+}
+
 template <int Dim> std::unique_ptr<Interaction<Dim>> prescribed_velocities() {
   return std::make_unique<PrescribedVelocities<Dim>>();
 }
@@ -172,8 +203,8 @@ template <int Dim> void Cavities<Dim>::edge_split(World<Dim>&, Index a, Index b,
 
 template void split_facets<2>(Facets<2>&, Index, Index, Index);
 template void split_facets<3>(Facets<3>&, Index, Index, Index);
-template std::unique_ptr<Interaction<2>> gravity<2>();
-template std::unique_ptr<Interaction<3>> gravity<3>();
+template class Gravity<2>;
+template class Gravity<3>;
 template std::unique_ptr<Interaction<2>> prescribed_velocities<2>();
 template std::unique_ptr<Interaction<3>> prescribed_velocities<3>();
 template class Cavities<2>;

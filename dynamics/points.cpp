@@ -179,7 +179,7 @@ template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& 
 
 template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk) {
-    if (scheme.nodes_persist()) update_positions(world, chunk);
+    if (scheme.nodes_persist() && chunk.has_table()) update_positions(world, chunk);
     scatter_stresses(world, scheme, chunk);
   });
   scheme.collect_forces(world);

@@ -49,15 +49,24 @@ template <int Dim> double residual(const World<Dim>& world, double kick) {
   const Points<Dim> change = nodes.free.cwiseProduct(nodes.v - nodes.v_before);
   const double net = (change * nodes.mass.asDiagonal()).norm() / kick;
   Vector forces = Vector::Zero(nodes.size());
-  for (const auto& chunk : world.chunks)
+  // Of points without a table, squared: stresses on the sides of a square (cube) of their volume.
+  double of_points = 0.0;
+  for (const auto& chunk : world.chunks) {
+    if (!chunk.has_table()) {
+      for (Index p = 0; p < chunk.size(); ++p)
+        of_points += std::pow(chunk.matter.volume[p], 2.0 - 2.0 / Dim) * chunk.matter.response.P.col(p).squaredNorm();
+      continue;
+    }
     for (Index p = 0; p < chunk.size(); ++p)
       for (const auto& [a, entry] : chunk.table.row(p))
         forces[a] += chunk.matter.volume[p] * chunk.matter.response.P.col(p).norm() *
                      Eigen::Map<const Vec<Dim>>(entry.dN).norm();
+  }
   double stored = 0.0;
   for (const auto& chunk : world.chunks) stored += chunk.stored;
   const double kinetic = 0.5 * nodes.mass.dot(nodes.v.cwiseProduct(nodes.free).colwise().squaredNorm());
-  return std::max(net / forces.norm(), std::sqrt(kinetic / stored));
+  const double all = of_points > 0.0 ? std::sqrt(forces.squaredNorm() + of_points) : forces.norm();
+  return std::max(net / all, std::sqrt(kinetic / stored));
 }
 
 template std::unique_ptr<Interaction<2>> damping<2>();

@@ -206,6 +206,14 @@ template <int Dim> void World<Dim>::follow_motion_laws(double at, double dt) {
       group.velocity[k] = velocity(group.law, group.start.col(k));
 }
 
+template <int Dim> Vec<Dim> World<Dim>::field_at(const Vec<Dim>& x, double at) const {
+  if (!gravity_field) return Vec<Dim>::Zero();
+  const Vec<Dim> value = gravity_field(x, at);
+  if (!value.allFinite())
+    throw InputError(fmt::format("gravity at ({:.6g}) is not finite at time {:.6g}", fmt::join(x, ", "), at));
+  return value;
+}
+
 template <int Dim> void World<Dim>::find_prescribed_places() {
   prescribed.clear();
   for (const auto& [where, axis, velocity] : prescribed_places)

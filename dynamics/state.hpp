@@ -165,6 +165,8 @@ template <int Dim> struct Chunk {
   template <class Visit> void for_each_patch(const Visit& visit) const {
     for (std::size_t k = 0; k + 1 < patches.size(); ++k) visit(patches[k], patches[k + 1]);
   }
+  /// Whether its points have shape functions in the table: by some schemes they have none.
+  bool has_table() const { return !table.entries.empty(); }
   /// Whether there are pressure patches of more than one point.
   bool has_patches() const { return static_cast<Index>(patches.size()) != size() + 1; }
   /// Points go on as those of `from`, ascending, of which some may be left out and some may be there twice. Returns of
@@ -223,6 +225,9 @@ template <int Dim> struct MotionLaw {
   }
 };
 
+/// Force per mass by the position at the time [length/time^2]. Called by one thread.
+template <int Dim> using GravityField = std::function<Vec<Dim>(const Vec<Dim>& x, double time)>;
+
 /// Velocities of nodes along an axis.
 template <int Dim> struct PrescribedVelocity {
   Index node;
@@ -256,6 +261,9 @@ template <int Dim> struct World {
   std::vector<Chunk<Dim>> chunks;
   std::vector<std::pair<Index, Index>> place_of_point;  ///< by point: chunk and number there
   NodeChunks node_chunks;
+  /// Where nodes do not stay with the material: K x N, shape functions of the nodes of a body at each position (Dim x
+  /// K) on its surface, for loads there. Empty: nodes do.
+  std::function<SparseRows(const World&, const Points<Dim>& at, const std::vector<Index>& bodies)> functions_at;
   ConsistentMass<Dim> consistent_mass;
   SurfacePoints surface_points;
   std::vector<PrescribedVelocity<Dim>> prescribed;
@@ -271,6 +279,7 @@ template <int Dim> struct World {
   std::vector<Wall<Dim>> walls;
   Vec<Dim> gravity = Vec<Dim>::Zero();               ///< force per mass on all that has a mass
   std::function<Vec<Dim>(double time)> gravity_law;  ///< that it follows; empty: it stays as it is
+  GravityField<Dim> gravity_field;                   ///< in addition, where it depends on the position; empty: none
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
   double stable_step = 0.0, first_stable_step = 0.0;
@@ -310,6 +319,8 @@ template <int Dim> struct World {
   Vec<Dim> mean_gravity(double dt) const {
     return gravity_law ? Vec<Dim>(0.5 * (gravity + gravity_law(time + dt))) : gravity;
   }
+  /// The force per mass at a position at a time, of gravity_field alone. Throws InputError where it is not finite.
+  Vec<Dim> field_at(const Vec<Dim>& x, double time) const;
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
   /// Length of the body out of the plane at a radius: of the full revolution, or one.
   double out_of_plane(double radius) const { return axisymmetric() ? 2.0 * std::numbers::pi * radius : 1.0; }

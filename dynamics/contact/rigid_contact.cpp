@@ -50,9 +50,11 @@ void prescribe_motion(const World<Dim>& world, const RigidBody<Dim>& body, doubl
         time));
 }
 
-/// Of a rigid body with a mass, by gravity and its own force.
-template <int Dim> Vec<Dim> acceleration(const World<Dim>& world, const RigidBody<Dim>& body, double time) {
+/// Of a rigid body with a mass, by gravity at its centre and its own force.
+template <int Dim>
+Vec<Dim> acceleration(const World<Dim>& world, const RigidBody<Dim>& body, const Vec<Dim>& centre, double time) {
   Vec<Dim> result = world.gravity;
+  if (world.gravity_field) result += world.field_at(centre, time);
   if (body.force) result += body.force(time) / body.mass;
   return body.free_axes().cwiseProduct(result);
 }
@@ -231,7 +233,8 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     rigid.impulse.setZero();
     rigid.angular_impulse.setZero();
     prescribe_motion(world, rigid.body, world.time + 0.5 * dt, rigid.now);
-    if (rigid.body.mass > 0.0) rigid.now.velocity += kick * acceleration(world, rigid.body, world.time);
+    if (rigid.body.mass > 0.0)
+      rigid.now.velocity += kick * acceleration(world, rigid.body, rigid.now.centre, world.time);
     rigid.velocity_before = rigid.now.velocity;
   }
   apply_to_rigid_bodies(world, dt);
@@ -281,6 +284,11 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     if (body.mass == 0.0) prescribed += work;
     if (body.inertia == 0.0) prescribed += angular_work;
     gravity += dt * body.mass * world.mean_gravity(dt).dot(now.velocity);
+    if (world.gravity_field && body.mass > 0.0) {
+      const Vec<Dim> after = now.centre + dt * now.velocity;
+      gravity += 0.5 * dt * body.mass *
+                 (world.field_at(now.centre, world.time) + world.field_at(after, world.time + dt)).dot(now.velocity);
+    }
     if (body.force) loads += 0.5 * dt * (body.force(world.time) + body.force(world.time + dt)).dot(now.velocity);
     now.force = impulse / kick;
     now.impulse += impulse;
@@ -309,9 +317,10 @@ template <int Dim> void RigidContact<Dim>::add_velocities(const World<Dim>&, std
 template <int Dim> void RigidContact<Dim>::tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const {
   // Half a step of free fall later, as for nodes.
   for (const auto& rigid : rigids_) {
-    const Vec<Dim> faster = rigid.body.mass > 0.0
-                                ? Vec<Dim>(0.5 * world.last_step * acceleration(world, rigid.body, world.time))
-                                : Vec<Dim>(Vec<Dim>::Zero());
+    const Vec<Dim> faster =
+        rigid.body.mass > 0.0
+            ? Vec<Dim>(0.5 * world.last_step * acceleration(world, rigid.body, rigid.now.centre, world.time))
+            : Vec<Dim>(Vec<Dim>::Zero());
     const auto& [mass, inertia, now] = std::tie(rigid.body.mass, rigid.body.inertia, rigid.now);
     const Vec<Dim> momentum = mass * now.velocity;
     const Spin<Dim> angular_momentum = inertia * now.spin;

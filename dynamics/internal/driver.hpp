@@ -22,6 +22,7 @@ template <int Dim> struct Driver {
   double last_kick = 0.0;              ///< of the last step; 0: there is none
   RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next
   Cavities<Dim>* cavities = nullptr;
+  Gravity<Dim>* gravity = nullptr;
 
   Driver(const std::vector<DeformableBody<Dim>>& bodies, std::unique_ptr<Scheme<Dim>> given,
          const DynamicsOptions& options);

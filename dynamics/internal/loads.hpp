@@ -7,8 +7,20 @@
 
 namespace efree::internal {
 
-/// World::gravity on the nodes. On rigid bodies it acts in RigidContact.
-template <int Dim> std::unique_ptr<Interaction<Dim>> gravity();
+/// World::gravity and World::gravity_field on the nodes. On rigid bodies they act in RigidContact.
+template <int Dim> class Gravity : public Interaction<Dim> {
+ public:
+  /// Sets World::gravity_field; nodes.force changes at once. Empty: none. Throws InputError where it is not finite.
+  void set_field(World<Dim>& world, GravityField<Dim> field);
+
+  void add_forces(World<Dim>& world) override;
+  void finish_kick(World<Dim>& world, double kick, double dt) override;
+  void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override;
+  void pack(Archive& archive) override { archive(by_field_); }
+
+ private:
+  Points<Dim> by_field_;  ///< Dim x N, forces by World::gravity_field; empty: none
+};
 
 /// Sets the velocities of World::prescribed. What is prescribed at both ends of an edge that is split is prescribed in
 /// its middle: call World::find_free_axes afterwards.

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numeric>
+#include <utility>
 
 namespace efree::internal {
 
@@ -54,6 +56,50 @@ template <int Dim> Points<Dim> sample_boundary(const FineMesh<Dim>& mesh, double
   return sample_facets(mesh, all, apart);
 }
 
+template <int Dim> CutFacets<Dim> cut_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double size) {
+  double longest = 0.0;
+  for (const Index f : facets)
+    for (int i = 0; i < Dim; ++i)
+      longest =
+          std::max(longest, (mesh.vertex(mesh.facets()(i, f)) - mesh.vertex(mesh.facets()((i + 1) % Dim, f))).norm());
+  const int n = std::max(1, static_cast<int>(std::ceil(longest / size * (1.0 - 1e-12))));
+  // Weights of vertices of the mesh, which sum up to n.
+  std::map<std::vector<std::pair<Index, int>>, Index> numbers;
+  std::vector<Vec<Dim>> places;
+  std::vector<Index> corners;
+  const auto vertex = [&](Index f, const std::array<int, Dim>& weights) {
+    std::vector<std::pair<Index, int>> key;
+    for (int i = 0; i < Dim; ++i)
+      if (weights[i] > 0) key.emplace_back(mesh.facets()(i, f), weights[i]);
+    std::ranges::sort(key);
+    const auto [found, is_new] = numbers.try_emplace(key, static_cast<Index>(places.size()));
+    if (is_new) {
+      places.push_back(Vec<Dim>::Zero());
+      for (const auto& [of, weight] : key) places.back() += weight * mesh.vertex(of);
+      if (n > 1) places.back() /= n;
+    }
+    corners.push_back(found->second);
+  };
+  for (const Index f : facets) {
+    if constexpr (Dim == 2) {
+      for (int k = 0; k < n; ++k) vertex(f, {n - k, k}), vertex(f, {n - k - 1, k + 1});
+    } else {
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; i + j < n; ++j) {
+          const int k = n - i - j;
+          vertex(f, {k, i, j}), vertex(f, {k - 1, i + 1, j}), vertex(f, {k - 1, i, j + 1});
+          if (k > 1) vertex(f, {k - 1, i + 1, j}), vertex(f, {k - 2, i + 1, j + 1}), vertex(f, {k - 1, i, j + 1});
+        }
+    }
+  }
+  CutFacets<Dim> result{Points<Dim>(Dim, std::ssize(places)), Facets<Dim>(Dim, std::ssize(corners) / Dim)};
+  for (Index v = 0; v < std::ssize(places); ++v) result.vertices.col(v) = places[v];
+  std::ranges::copy(corners, result.facets.reshaped().begin());
+  return result;
+}
+
+template CutFacets<2> cut_facets(const FineMesh<2>&, const std::vector<Index>&, double);
+template CutFacets<3> cut_facets(const FineMesh<3>&, const std::vector<Index>&, double);
 template Points<2> sample_boundary(const FineMesh<2>&, double);
 template Points<3> sample_boundary(const FineMesh<3>&, double);
 template Points<2> sample_facets(const FineMesh<2>&, const std::vector<Index>&, double);

@@ -58,8 +58,13 @@ template <int Dim> class LoadReader {
                     "rotation is for static analyses: give bodies a velocity by which they rotate, in [[velocity]]");
     if (!analysis.has("gravity")) return;
     const auto texts = analysis.expressions<Dim>("gravity");
+    const std::string where = analysis.where("gravity");
+    if (depends_on_position(texts, where)) {
+      dynamics_.gravity_field = vector_law(texts, where, {});
+      return;
+    }
     dynamics_.gravity = read_function_of_time<Dim, Dim>(texts, analysis, "gravity", root_, grey_);
-    dynamics_.gravity_depends_on_time = depends_on_time(texts, analysis.where("gravity"));
+    dynamics_.gravity_depends_on_time = depends_on_time(texts, where);
   }
 
   void read_boundary(const Section& entry) {
@@ -102,6 +107,11 @@ template <int Dim> class LoadReader {
   template <std::size_t Size>
   bool depends_on_time(const std::array<std::string, Size>& texts, const std::string& where) const {
     return std::ranges::any_of(texts, [&](const std::string& text) { return expressions_.uses("t", text, where); });
+  }
+  template <std::size_t Size>
+  bool depends_on_position(const std::array<std::string, Size>& texts, const std::string& where) const {
+    const Expressions<Dim> now = read_definitions<Dim>(root_, grey_, {0.0});
+    return std::ranges::any_of(texts, [&](const std::string& text) { return now.varies(text, where); });
   }
   Law<Dim> law(const std::string& text, const std::string& where, const Ramp& ramp) const {
     return [clock = clock_, field = expressions_.field(text, where), ramp](const Vec<Dim>& start, double t) {

@@ -6,6 +6,7 @@
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
+#include "efree/dynamics/schemes/mpm/internal/grid_functions.hpp"
 #include "efree/dynamics/schemes/mpm/internal/particles.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 
@@ -152,6 +153,11 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
     if (is_affine()) of.motion.setZero(Dim * Dim, n);
     if (is_polynomial()) of.motion.setZero(Dim * (internal::num_modes(Dim, options_.degree) - 1), n);
   }
+  std::vector<char> is_mesh(bodies.size());
+  for (std::size_t b = 0; b < bodies.size(); ++b) is_mesh[b] = bodies[b].nodes.cols() != 0 ? 1 : 0;
+  world.functions_at = [this, is_mesh](const auto& now, const auto& at, const auto& of) {
+    return internal::functions_on_grid(now, grid_, is_mesh, at, of);
+  };
   momentum_before_.resize(world.num_bodies());
   owed_.setZero(Dim, world.num_bodies());
   grid_.rebuild(world, true);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "efree/dynamics/scheme.hpp"
+#include "efree/dynamics/surface_load.hpp"
 
 #include <array>
 #include <memory>
@@ -67,6 +68,12 @@ enum class MpmFrame {
 template <int Dim> DeformableBody<Dim> body_on_lattice(const FineMesh<Dim>& mesh, MpmFrame frame,
                                                        const MpmOptions& options, Index points_along,
                                                        SharedMaterial material, double density);
+
+/// A part of the surface of such a body for surface_load: these facets of its mesh, but for meshes cut to half a cell
+/// of the grid. In a frame with a new grid in every step `bodies` are zeros, of the run's first body.
+template <int Dim> SurfacePart<Dim> surface_on_lattice(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
+                                                       MpmFrame frame, const MpmOptions& options,
+                                                       const DeformableBody<Dim>& body);
 
 /// Points, of a body, that are no further than that from these facets of its mesh, ascending: what moves with a part of
 /// the boundary whose velocity is prescribed.

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/basis/internal/neighbours.hpp"
 #include "efree/core/error.hpp"
+#include "efree/dynamics/internal/surface_functions.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
+#include "efree/geometry/mesh/internal/facet_samples.hpp"
 #include "efree/quadrature/lattice.hpp"
 
 #include <fmt/ranges.h>
@@ -76,6 +78,43 @@ template <int Dim> DeformableBody<Dim> particles_on_lattice(const FineMesh<Dim>&
   return body;
 }
 
+template <int Dim> SurfacePart<Dim> surface_of_particles(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
+                                                         const SphOptions& options, const DeformableBody<Dim>& body) {
+  const double half = 0.5 * options.spacing, h = options.smoothing * options.spacing;
+  auto cut = internal::cut_facets(mesh, facets, half);
+  SurfacePart<Dim> part{.facets = std::move(cut.facets), .positions = std::move(cut.vertices)};
+  const auto count = static_cast<Index>(part.positions.cols());
+  for (SparseRows* functions : {&part.functions, &part.places})
+    functions->resize(count, static_cast<Index>(body.nodes.cols()));
+  internal::Neighbours<Dim> tree;
+  tree.build(body.nodes);
+  std::vector<Index> around;
+  for (Index k = 0; k < count; ++k) {
+    const Vec<Dim> at = part.positions.col(k);
+    const double least = (body.nodes.col(tree.nearest(at)) - at).norm();
+    tree.within(at, std::max(kernel_support * h, least + half), around);
+    std::vector<internal::WeightedNode<Dim>> nodes;
+    std::vector<std::pair<Index, double>> nearest;
+    double sum = 0.0;
+    for (const Index p : around) {
+      const Vec<Dim> apart = body.nodes.col(p) - at;
+      nodes.push_back({p, apart / options.spacing, internal::kernel_shape(options.kernel, apart.norm() / h)});
+      if (const double weight = least + half - apart.norm(); weight > 0.0) nearest.emplace_back(p, weight);
+    }
+    for (const auto& [p, weight] : nearest) sum += weight;
+    for (auto& [p, weight] : nearest) weight /= sum;
+    internal::append_row(std::move(nearest), k, part.functions);
+    internal::append_row(internal::moving_least_squares(nodes), k, part.places);
+  }
+  part.functions.finalize();
+  part.places.finalize();
+  return part;
+}
+
+template SurfacePart<2> surface_of_particles(const FineMesh<2>&, const std::vector<Index>&, const SphOptions&,
+                                             const DeformableBody<2>&);
+template SurfacePart<3> surface_of_particles(const FineMesh<3>&, const std::vector<Index>&, const SphOptions&,
+                                             const DeformableBody<3>&);
 template DeformableBody<2> particles_on_lattice(const FineMesh<2>&, SphFrame, const SphOptions&, SharedMaterial,
                                                 double);
 template DeformableBody<3> particles_on_lattice(const FineMesh<3>&, SphFrame, const SphOptions&, SharedMaterial,

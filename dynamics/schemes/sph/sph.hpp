@@ -5,6 +5,7 @@
 
 #include "efree/dynamics/scheme.hpp"
 #include "efree/dynamics/schemes/sph/smoothing_kernel.hpp"
+#include "efree/dynamics/surface_load.hpp"
 
 #include <array>
 #include <memory>
@@ -77,5 +78,11 @@ enum class SphFrame {
 template <int Dim> DeformableBody<Dim> particles_on_lattice(const FineMesh<Dim>& mesh, SphFrame frame,
                                                             const SphOptions& options, SharedMaterial material,
                                                             double density);
+
+/// A part of the surface of such a body for surface_load: these facets of its mesh, cut to half a spacing. Loads act on
+/// the nearest particles, those less than half a spacing further away with less weight: the sum of forces is exact,
+/// moments are off by up to half a spacing. Areas and normals follow the particles by moving least squares.
+template <int Dim> SurfacePart<Dim> surface_of_particles(const FineMesh<Dim>& mesh, const std::vector<Index>& facets,
+                                                         const SphOptions& options, const DeformableBody<Dim>& body);
 
 }  // namespace efree

@@ -11,4 +11,12 @@ template <int Dim> Points<Dim> sample_boundary(const FineMesh<Dim>& mesh, double
 /// Of these facets alone.
 template <int Dim> Points<Dim> sample_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double apart);
 
+/// Facets that are cut into smaller ones, oriented alike.
+template <int Dim> struct CutFacets {
+  Points<Dim> vertices;  ///< each place on shared edges once
+  Facets<Dim> facets;    ///< of these
+};
+/// All of these facets of a mesh cut into as many parts along each edge, such that no edge is longer than `size`.
+template <int Dim> CutFacets<Dim> cut_facets(const FineMesh<Dim>& mesh, const std::vector<Index>& facets, double size);
+
 }  // namespace efree::internal

@@ -136,6 +136,7 @@ template <int Dim> class PointGrid {
   std::vector<Particles<Dim>> particles;  ///< by chunk
 
   double cell() const { return cell_; }
+  int degree() const { return degree_; }
   const SparseGrid<Dim>& of_body(Index body) const { return grids_[body]; }
 
   /// Nodes where the particles are now. replaces: the world gets new nodes, at rest. Chunks whose points have drifted
