@@ -201,7 +201,7 @@ class Forecast {
     const double of_all = 1.0 + (end_ - time) / (step_ * static_cast<double>(steps)), all = seconds * of_all;
     if (all < std::max(least, again * said_)) return;
     said_ = all;
-    monitor.say(fmt::format("forecast at time {:.3g}: {:.2g} steps, {:.2g} s, {:.2g} MB", time,
+    monitor.say(fmt::format("forecast at time {:.3g}: {:.2g} steps in all, {:.2g} s, {:.2g} MB", time,
                             static_cast<double>(steps) * of_all, all, peak_memory_mb()));
   }
 

@@ -93,6 +93,16 @@ void grade(double near, double far, const char* radius, double from, double to, 
   field::setAsBackgroundMesh(sizes);
 }
 
+/// Throws InputError if the facets of a surface of that area and least radius, at least 16 to a turn, take more memory
+/// than there is.
+void require_memory_of_facets(double area, double radius, double size) {
+  if (!(size > 0.0)) return;  // which is refused elsewhere
+  const double edge = std::min(size, 2.0 * std::numbers::pi * radius / 16.0);
+  require_memory(600.0 * area / (edge * edge),
+                 fmt::format("a mesh with edges of {:.3g} on a surface of {:.3g}", edge, area),
+                 "it is too slender for 16 edges to a turn: take a shorter or thicker shape");
+}
+
 /// Area of an eighth of a sphere.
 double eighth(double radius) {
   return 0.5 * std::numbers::pi * radius * radius;
@@ -140,6 +150,7 @@ CurvedMesh<3> thick_cylinder(double inner, double outer, double height, double s
                     inner, outer, height));
   check_size_at(size_at_inner, "thick cylinder", "inner wall");
   const double quarter = 0.5 * std::numbers::pi;
+  require_memory_of_facets(quarter * inner * height, inner, size);
   const auto build = [&] {
     const int body = occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, outer, -1, quarter);
     cut(body, occ::addCylinder(0.0, 0.0, 0.0, 0.0, 0.0, height, inner, -1, quarter));
@@ -175,6 +186,7 @@ CurvedMesh<3> thick_sphere(double inner, double outer, double size, double size_
 CurvedMesh<3> cylinder(double radius, double height, double size, double sagitta) {
   if (!(radius > 0.0 && height > 0.0))
     throw InputError(fmt::format("cylinder: radius {} and height {}, expected positive ones", radius, height));
+  require_memory_of_facets(2.0 * std::numbers::pi * radius * height, radius, size);
   const auto name = [&](const Vec<3>& x) -> std::string {
     const double tolerance = 1e-9 * std::max(radius, height);
     return std::abs(x.z()) < tolerance ? "bottom" : std::abs(x.z() - height) < tolerance ? "top" : "side";
@@ -188,6 +200,7 @@ CurvedMesh<3> half_torus(double radius, double section, double size, double sagi
   if (!(section > 0.0 && section < radius))
     throw InputError(
         fmt::format("half torus: radius {} and section {}, expected 0 < section < radius", radius, section));
+  require_memory_of_facets(2.0 * std::numbers::pi * std::numbers::pi * radius * section, section, size);
   const auto name = [&](const Vec<3>& x) -> std::string {
     if (std::abs(x.y()) > 1e-9 * radius || std::hypot(std::abs(x.x()) - radius, x.z()) > 0.999 * section)
       return "surface";

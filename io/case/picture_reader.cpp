@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <string_view>
 
 namespace efree::internal {
@@ -26,12 +27,14 @@ std::array<double, 2> two_numbers(const Section& picture, const char* key, const
 
 /// For a file's name.
 std::string plain_name(const Section& picture, const std::string& name) {
-  const bool is_plain = !name.empty() && std::ranges::all_of(name, [](unsigned char c) {
+  constexpr std::size_t longest = 60;
+  const bool is_plain = !name.empty() && name.size() <= longest && std::ranges::all_of(name, [](unsigned char c) {
     return std::isalnum(c) != 0 || c == '_' || c == '-';
   });
   if (!is_plain)
-    picture.fail("name",
-                 fmt::format("name is \"{}\", expected letters, digits, - and _: a file is called by it", name));
+    picture.fail(
+        "name",
+        fmt::format("name is \"{}\", expected at most 60 letters, digits, - and _: a file is called by it", name));
   return name;
 }
 
@@ -50,12 +53,17 @@ std::vector<PictureOptions> read_pictures(const Section& output, const PictureCh
     if (std::ranges::find(pictures, picture.name, &PictureOptions::name) != pictures.end())
       entry.fail("name", fmt::format("two pictures are called \"{}\": give one of them another name", picture.name));
     if (entry.has("view")) picture.view = two_numbers(entry, "view", "the angle about z and that above the plane xy");
+    if (picture.view && !(std::abs((*picture.view)[0]) <= 360.0 && std::abs((*picture.view)[1]) <= 90.0))
+      entry.fail("view",
+                 fmt::format("view is [{:.6g}, {:.6g}], expected an angle about z from -360 to 360 degrees, and "
+                             "one above the plane xy from -90 to 90",
+                             (*picture.view)[0], (*picture.view)[1]));
     if (entry.has("range")) picture.range = two_numbers(entry, "range", "the ends of the colour scale");
     if (picture.range && !((*picture.range)[0] < (*picture.range)[1]))
       entry.fail("range", fmt::format("range is from {:.6g} to {:.6g}, expected a smaller and a larger number",
                                       (*picture.range)[0], (*picture.range)[1]));
     picture.load_case = named(entry, "case", choices.load_cases, "load case");
-    if (entry.has("deformation")) picture.deformation = entry.number("deformation", not_negative);
+    if (entry.has("deformation")) picture.deformation = entry.number("deformation", {0.0, 1e9, true, true});
     pictures.push_back(std::move(picture));
   }
   return pictures;

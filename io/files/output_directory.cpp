@@ -78,6 +78,14 @@ void clear_up(const fs::path& directory) {
   }
 }
 
+/// Throws InputError for a folder where a file is to be written, before any is moved.
+void require_room(const fs::path& staging, const fs::path& directory) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(staging, error))
+    if (const fs::path target = directory / entry.path().filename(); fs::is_directory(target, error))
+      throw InputError(fmt::format("cannot write {}: there is a folder of that name", target.string()));
+}
+
 }  // namespace
 
 void internal::cannot_write(const fs::path& file) {
@@ -124,7 +132,8 @@ void OutputDirectory::unlock() {
 void OutputDirectory::supersede_all(const std::function<bool(const std::string& name)>& is_one) {
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(directory_, error))
-    if (std::string name = entry.path().filename().string(); is_one(name)) supersede(std::move(name));
+    if (std::string name = entry.path().filename().string(); entry.is_regular_file(error) && is_one(name))
+      supersede(std::move(name));
 }
 
 void OutputDirectory::clear() {
@@ -148,6 +157,7 @@ void OutputDirectory::commit() {
   const std::lock_guard guard(mutex_);
   const fs::path directory = staging_.parent_path();
   const Turn turn(directory);
+  require_room(staging_, directory);
   try {
     created_.clear();
     {

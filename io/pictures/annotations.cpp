@@ -8,10 +8,12 @@
 
 namespace efree::internal::drawing {
 
-std::string label_of(const std::string& field, const std::string& unit) {
-  std::string label = field == "von_mises" ? "von Mises stress" : field;
+void draw_label(Canvas& canvas, const PictureOptions& options) {
+  std::string label = options.field == "von_mises" ? "von Mises stress" : options.field;
   std::ranges::replace(label, '_', ' ');
-  return unit.empty() ? label : fmt::format("{} [{}]", label, unit);
+  if (!options.unit.empty()) label += fmt::format(" [{}]", options.unit);
+  constexpr double right = 1570.0, widest = 700.0, letter = 13.0;
+  canvas.fitted_text(label, right - std::min(widest, letter * static_cast<double>(label.size())), 1050, 26, widest);
 }
 
 void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size) {
@@ -48,6 +50,7 @@ void draw_axes(Canvas& canvas, const View& view, bool solid) {
 void draw_scale(Canvas& canvas, const ColourScale& scale) {
   constexpr double left = 1393.0, right = 1440.0, bottom = 246.0, top = 1032.0;
   constexpr int steps = 64, labels = 6;
+  canvas.rectangle(left - 8.0, bottom - 20.0, width, top + 60.0, Colour::Constant(1.0F));
   for (int i = 0; i < steps; ++i)
     canvas.rectangle(left, bottom + (top - bottom) * i / steps, right, bottom + (top - bottom) * (i + 1) / steps,
                      scale.at((i + 0.5F) / steps));

@@ -140,7 +140,7 @@ template <int Dim> class DrawnBody {
       if constexpr (Dim == 3)
         draw_lines(canvas, at, deformed_.points, edges_of(deformed_, *part, false), 4.0, *colour);
       else
-        draw_lines(canvas, at, deformed_.points, *part, 7.0, *colour);
+        draw_lines(canvas, at, deformed_.points, *part, part == &body_.held ? 7.0 : 3.0, *colour);
     if constexpr (Dim == 3)
       draw_cubes(canvas, at, sparse_points(deformed_, body_.held, length_ / 30.0), length_ / 130.0, held_colour);
     draw_arrows(canvas, at, body_.arrows, moved_, arrow_length(), load_colour);
@@ -194,22 +194,24 @@ template <int Dim> void draw_body(const std::filesystem::path& file, const BodyP
   if (largest.value > smallest.value) {
     describe("largest", "max", largest);
     if (smallest.value < 0.0) describe("smallest", "min", smallest);
+  } else {
+    extremes = fmt::format("{:.4g} everywhere", largest.value);
   }
+  if (largest.value < scale.range()[0] || smallest.value > scale.range()[1]) extremes += "; all is beyond the colours";
   drawn.draw_conditions(canvas, at);
 
   canvas.begin_layer();
   for (const auto& [name, place] : marks) draw_mark(canvas, place, name);
   draw_scale(canvas, scale);
-  if (!options.unit.empty()) canvas.text(fmt::format("[{}]", options.unit), 1393, 1050, 26);
-  const std::string label = label_of(options.field, options.unit);
-  canvas.text(title.empty() ? label : fmt::format("{}: {}", title, label), 50, 1140, 34);
+  draw_label(canvas, options);
+  canvas.fitted_text(title, 50, 1140, 34, width - 100.0);
   canvas.text(
       fmt::format("displacements drawn x {:.3g}, the largest {:.4g}; body {}", drawn.factor(),
                   body.largest_displacement.value_or(drawn.largest_displacement()), text_of(box_of(undeformed.points))),
       50, 1098, 26);
   canvas.text(extremes, 50, 1062, 26);
   double left = 50.0;
-  if (!body.held.empty()) swatch(canvas, held_colour, "displacement prescribed", left, 24, 26), left += 420.0;
+  if (!body.held.empty()) swatch(canvas, held_colour, "held, rigidly or by springs", left, 24, 26), left += 450.0;
   if (!body.loaded.empty()) swatch(canvas, load_colour, "loaded", left, 24, 26), left += 200.0;
   if (drawn.factor() > 0.0) swatch(canvas, Colour::Constant(0.85F), "undeformed", left, 24, 26);
   draw_axes(canvas, view, solid);

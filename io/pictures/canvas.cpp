@@ -11,8 +11,40 @@
 #include <vtkPNGWriter.h>
 #include <vtkStdString.h>
 #include <vtkTextProperty.h>
+#include <map>
 
 namespace efree::internal {
+namespace {
+
+/// UTF-8 by letters of ASCII.
+std::string in_ascii(const std::string& words) {
+  static const std::map<std::string, std::string> letters{
+      {"\u00b5", "u"},  {"\u03bc", "u"},       {"\u00b0", "deg"}, {"\u00b2", "^2"},      {"\u00b3", "^3"},
+      {"\u00b7", "*"},  {"\u22c5", "*"},       {"\u00d7", "x"},   {"\u2013", "-"},       {"\u2014", "-"},
+      {"\u2212", "-"},  {"\u2030", "per mil"}, {"\u00c4", "Ae"},  {"\u00d6", "Oe"},      {"\u00dc", "Ue"},
+      {"\u00e4", "ae"}, {"\u00f6", "oe"},      {"\u00fc", "ue"},  {"\u00df", "ss"},      {"\u00d8", "D"},
+      {"\u2300", "D"},  {"\u03c3", "sigma"},   {"\u03c4", "tau"}, {"\u03b5", "epsilon"}, {"\u00e9", "e"},
+      {"\u00e8", "e"},  {"\u00ea", "e"},       {"\u00e1", "a"},   {"\u00e0", "a"},       {"\u00e2", "a"},
+      {"\u00ed", "i"},  {"\u00f3", "o"},       {"\u00fa", "u"},   {"\u00f1", "n"},       {"\u00e7", "c"},
+      {"\u00e5", "a"},  {"\u00f8", "o"},       {"\u207b", "^-"},  {"\u00b9", "1"}};
+  std::string out;
+  for (std::size_t i = 0; i < words.size();) {
+    const auto first = static_cast<unsigned char>(words[i]);
+    if (first < 0x80) {
+      out += first < 0x20 || first == 0x7f ? ' ' : words[i];
+      ++i;
+      continue;
+    }
+    std::size_t length = 1;
+    while (i + length < words.size() && (static_cast<unsigned char>(words[i + length]) & 0xc0) == 0x80) ++length;
+    const auto found = letters.find(words.substr(i, length));
+    out += found == letters.end() ? "?" : found->second;
+    i += length;
+  }
+  return out;
+}
+
+}  // namespace
 
 Canvas::Canvas() : colours_(static_cast<std::size_t>(rows) * width, {255, 255, 255}), depths_(colours_.size(), 0.0F) {}
 
@@ -57,8 +89,18 @@ void Canvas::line(const Position& from, const Position& to, double line_width, c
   }
 }
 
-void Canvas::text(std::string words, double x, double y, int size) {
-  texts_.push_back({std::move(words), x, y, size});
+void Canvas::text(const std::string& words, double x, double y, int size) {
+  texts_.push_back({in_ascii(words), x, y, size});
+}
+
+void Canvas::fitted_text(std::string words, double x, double y, int size, double widest) {
+  words = in_ascii(words);
+  const auto fitting = static_cast<int>(widest / (letter_width * static_cast<double>(words.size()) + 1e-9));
+  constexpr int smallest = 18;
+  const int fitted = std::clamp(fitting, std::min(smallest, size), size);
+  const auto letters = static_cast<std::size_t>(widest / (letter_width * fitted));
+  if (words.size() > letters) words = words.substr(0, letters - std::min<std::size_t>(letters, 3)) + "...";
+  texts_.push_back({std::move(words), x, y, fitted});
 }
 
 void Canvas::save(const std::filesystem::path& file) const {

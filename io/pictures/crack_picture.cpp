@@ -49,7 +49,7 @@ template <int Dim> void draw_cracks(const std::filesystem::path& file, const Cra
   const ColourScale scale(picture.range);
   draw_body(canvas, at, picture.mesh, scale.places(picture.values), scale);
   draw_scale(canvas, scale);
-  canvas.text(picture.title, 50, 1140, 34);
+  canvas.fitted_text(picture.title, 50, 1140, 34, width - 100.0);
   canvas.text(picture.field, 1570.0 - 13.0 * static_cast<double>(picture.field.size()), 1060, 26);
   if (picture.mesh.crack_area > 0.0) swatch(canvas, crack_colour, "cracks", 50, 24, 26);
   draw_axes(canvas, view, solid);

@@ -224,9 +224,8 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
     }
   canvas.begin_layer();
   draw_scale(canvas, scale);
-  canvas.text(picture.title, 50, 1140, 34);
-  const std::string label = label_of(picture.options.field, picture.options.unit);
-  canvas.text(label, 1570.0 - 13.0 * static_cast<double>(label.size()), 1060, 26);
+  canvas.fitted_text(picture.title, 50, 1140, 34, width - 100.0);
+  draw_label(canvas, picture.options);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }

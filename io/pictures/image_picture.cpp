@@ -124,30 +124,45 @@ class FieldOnCells {
   std::optional<Peak> largest{}, smallest{};
 
   /// Of the displacements of the skin.
-  void set_displacement(const PointField<3>& field, const Points<3>& displacement, const std::string& name) {
+  void set_displacement(const PointField<3>& field, const Points<3>& displacement) {
     values.resize(displacement.cols());
     for (Index p = 0; p < values.size(); ++p)
       values[p] = field(displacement.col(p), Voigt<3>::Zero(), Voigt<3>::Zero());
-    if (name == "displacement") largest = peak(answer_.extremes[0].value, answer_.extremes[0].at);
   }
   /// Of by_cell(cell).
-  template <class ByCell> void set_cells(const ByCell& by_cell, const std::string& name) {
+  template <class ByCell> void set_cells(const ByCell& by_cell) {
     values = skin_.means(by_cell);
-    const auto& n = answer_.cells->grid.cubes;
+    const Lattice& grid = answer_.cells->grid;
+    const auto& n = grid.cubes;
     PlacedRange range;
     std::array<Index, 3> at;
     for (at[2] = 0; at[2] < n[2]; ++at[2])
       for (at[1] = 0; at[1] < n[1]; ++at[1])
         for (at[0] = 0; at[0] < n[0]; ++at[0])
-          if (const std::size_t cell = skin_.cell(at); answer_.by_cell.solid[cell] >= 0.5F)
-            range.add(by_cell(cell), Vec<3>(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5));
-    const Lattice& grid = answer_.cells->grid;
-    const auto place = [&](const Vec<3>& x) -> Vec<3> {
-      return grid.origin + answer_.cells->axes * grid.spacing.cwiseProduct(x);
-    };
-    largest = peak(range.most, place(range.most_at));
-    smallest = peak(range.least, place(range.least_at));
-    if (name == "von_mises") largest = peak(answer_.extremes[1].value, answer_.extremes[1].at);
+          if (const std::size_t cell = skin_.cell(at); answer_.by_cell.solid[cell] >= 0.5F) {
+            const Vec<3> middle(at[0] + 0.5, at[1] + 0.5, at[2] + 0.5);
+            range.add(by_cell(cell), grid.origin + answer_.cells->axes * grid.spacing.cwiseProduct(middle));
+          }
+    largest = peak(range.most, range.most_at);
+    smallest = peak(range.least, range.least_at);
+  }
+  /// Takes the extremes that the results have, which are of parts of cells, in place of those of means.
+  void take_known_extremes(const std::string& field) {
+    for (const auto& extreme : answer_.extremes)
+      if (extreme.of == field) largest = peak(extreme.value, extreme.at);
+    const auto names = PointField<3>::names(false);
+    const std::vector<PlacedRange>& ranges = answer_.by_cell.ranges;  // after the length of the displacement
+    const auto number = static_cast<std::size_t>(std::ranges::find(names, field) - names.begin());
+    constexpr std::size_t components = 15;
+    if (number >= 1 && number <= components) {
+      largest = peak(ranges[number - 1].most, ranges[number - 1].most_at);
+      smallest = peak(ranges[number - 1].least, ranges[number - 1].least_at);
+    }
+    const PlacedRange& principal = ranges[components];
+    if (field == "principal_stress_1") largest = peak(principal.most, principal.most_at);
+    if (field == "principal_stress_3") smallest = peak(principal.least, principal.least_at);
+    const auto most = std::ranges::max_element(answer_.utilisations, {}, &Utilisation<3>::value);
+    if (field == "utilisation" && most != answer_.utilisations.end()) largest = peak(most->value, most->at);
   }
 
  private:
@@ -169,20 +184,20 @@ bool find_field(const PictureOptions& options, const Settings<3>& settings, cons
   const CellFields& cells = answer.by_cell;
   if (const auto at_points = PointField<3>::find(options.field, false)) {
     if (at_points->is_of_displacement())
-      field.set_displacement(*at_points, displacement, options.field);
+      field.set_displacement(*at_points, displacement);
     else
-      field.set_cells(
-          [&](std::size_t c) {
-            const auto cell = static_cast<Eigen::Index>(c);
-            return (*at_points)(Vec<3>::Zero(), cells.strain.col(cell).cast<double>(),
-                                cells.stress.col(cell).cast<double>());
-          },
-          options.field);
+      field.set_cells([&](std::size_t c) {
+        const auto cell = static_cast<Eigen::Index>(c);
+        return (*at_points)(Vec<3>::Zero(), cells.strain.col(cell).cast<double>(),
+                            cells.stress.col(cell).cast<double>());
+      });
+    field.take_known_extremes(options.field);
     return true;
   }
   if (options.field != "utilisation") return false;
   const std::vector<float> utilised = utilisation_of_cells(settings.common, result.regions, cells);
-  field.set_cells([&](std::size_t c) { return static_cast<double>(utilised[c]); }, options.field);
+  field.set_cells([&](std::size_t c) { return static_cast<double>(utilised[c]); });
+  field.take_known_extremes(options.field);
   return true;
 }
 
@@ -246,7 +261,7 @@ bool draw_result(const std::filesystem::path& file, const PictureOptions& option
     return facets;
   };
   body.arrows = load_arrows<3>(loads, loaded_facets, arrow_gap(body.undeformed));
-  draw_body(file, body, options, settings.common.title);
+  draw_body(file, body, options, title_of(options, settings));
   return true;
 }
 

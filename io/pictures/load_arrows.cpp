@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <set>
 
@@ -13,28 +14,29 @@ namespace efree::internal::drawing {
 template <int Dim> std::vector<LoadArrow> load_arrows(
     const Loads<Dim>& loads, const std::function<std::vector<LoadedFacet<Dim>>(const std::string& part)>& facets_of,
     double gap) {
+  // Those of one part add up.
+  std::map<std::string, std::vector<TractionCondition<Dim>>> by_part;
+  for (const auto& one : loads.tractions) by_part[one.on].push_back(one);
+  for (const auto& one : loads.followers) by_part[one.on].push_back(pressure<Dim>(one.on, one.pressure));
+  for (const auto& one : loads.resultants) {
+    AreaMoments<Dim> moments;
+    for (const LoadedFacet<Dim>& facet : facets_of(one.on)) moments.add(facet.at, facet.area);
+    if (moments.area > 0.0) by_part[one.on].push_back(moments.traction(one));
+  }
   std::vector<LoadArrow> arrows;
-  const auto add = [&](const TractionCondition<Dim>& condition) {
+  for (const auto& [part, conditions] : by_part) {
     std::set<std::array<long, 3>> taken;
-    for (const LoadedFacet<Dim>& facet : facets_of(condition.on)) {
+    for (const LoadedFacet<Dim>& facet : facets_of(part)) {
       LoadArrow arrow{Vec3::Zero(), Vec3::Zero(), false, facet.point};
       arrow.at.template head<Dim>() = facet.at;
-      if (!taken
-               .insert({std::lround(arrow.at[0] / gap), std::lround(arrow.at[1] / gap), std::lround(arrow.at[2] / gap)})
-               .second)
-        continue;
-      const Vec<Dim> traction = condition.traction(facet.at, facet.normal);
+      const Vec3 cube = arrow.at / gap;
+      if (!taken.insert({std::lround(cube[0]), std::lround(cube[1]), std::lround(cube[2])}).second) continue;
+      Vec<Dim> traction = Vec<Dim>::Zero();
+      for (const auto& condition : conditions) traction += condition.traction(facet.at, facet.normal);
       arrow.traction.template head<Dim>() = traction;
       arrow.presses = traction.dot(facet.normal) < 0.0;
       if (arrow.traction.allFinite() && !arrow.traction.isZero(0.0)) arrows.push_back(arrow);
     }
-  };
-  for (const auto& one : loads.tractions) add(one);
-  for (const auto& one : loads.followers) add(pressure<Dim>(one.on, one.pressure));
-  for (const auto& one : loads.resultants) {
-    AreaMoments<Dim> moments;
-    for (const LoadedFacet<Dim>& facet : facets_of(one.on)) moments.add(facet.at, facet.area);
-    if (moments.area > 0.0) add(moments.traction(one));
   }
   return arrows;
 }

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 #include <set>
 #include <string>
 #include <vector>
@@ -102,7 +103,8 @@ template <int Dim> std::vector<LoadedFacet<Dim>> loaded_facets(const FineSpace<D
   for (const Index f : mesh.group(part)) {
     Vec<Dim> middle = Vec<Dim>::Zero();
     for (int k = 0; k < Dim; ++k) middle += mesh.vertices().col(mesh.facets()(k, f)) / Dim;
-    facets.push_back({middle, mesh.facet_normal(f), mesh.facet_measure(f),
+    const double turn = space.axisymmetric() ? 2.0 * std::numbers::pi * middle[0] : 1.0;
+    facets.push_back({middle, mesh.facet_normal(f), turn * mesh.facet_measure(f),
                       space.place(space.facet(f).front(), mesh.region(mesh.facet_cell(f)))});
   }
   return facets;
@@ -130,7 +132,7 @@ template <int Dim> bool draw_result(const std::filesystem::path& file, const Pic
     for (Index f = 0; f < space.mesh().num_facets(); ++f)
       for (const Segment& segment : facet_pieces(space, f)) body.rim.push_back(segment);
   body.true_to_scale = !result.history.empty();  // large displacements as they are
-  draw_body(file, body, options, settings.common.title);
+  draw_body(file, body, options, title_of(options, settings));
   return true;
 }
 

@@ -63,17 +63,17 @@ View best_view(const Surface& surface, const std::vector<Triangle>& marked, cons
   constexpr std::size_t above = 4;
   std::vector<std::size_t> choice;
   if (shown)
-    for (std::size_t k = 0; k < directions.size(); ++k)
-      if (is_seen(surface, *shown, directions[k], 1e-3 * size.norm())) choice.push_back(k);
+    for (const std::size_t first : {std::size_t{0}, above})
+      for (std::size_t k = first; k < first + above && (first == 0 || choice.empty() || choice[0] >= above); ++k)
+        if (is_seen(surface, *shown, directions[k], 1e-3 * size.norm())) choice.push_back(k);
   if (choice.empty())
     for (std::size_t k = 0; k < above; ++k) choice.push_back(k);
-  // Only a clear gain is worth leaving the usual side for, and even more so the view from above.
+  // Only a clear gain is worth leaving the usual side for.
   std::size_t best = choice.front();
   double most = -1.0;
   for (const std::size_t k : choice) {
     double seen = 0.0;
     for (const Triangle& t : marked) seen += std::max(0.0, surface.normal(t).dot(directions[k]));
-    if (k >= above && best < above) seen /= 1.5;
     if (most < 0.0 || seen > 1.1 * most) best = k, most = seen;
   }
   View view{directions[best], {}};

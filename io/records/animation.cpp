@@ -20,9 +20,13 @@ std::vector<std::string> encoder_of(const std::string& format) {
 }  // namespace
 
 std::string animate(const fs::path& folder, const std::string& series, const std::string& format) {
-  int frames = 0;
-  while (fs::exists(folder / fmt::format("{}_{:04}.png", series, frames))) ++frames;
-  if (frames == 0) return "";
+  // A run that was resumed with other pictures has them from some frame on.
+  constexpr int most = 100000;
+  const auto is_there = [&](int frame) { return fs::exists(folder / fmt::format("{}_{:04}.png", series, frame)); };
+  int first = 0, frames = 0;
+  while (first < most && !is_there(first)) ++first;
+  while (is_there(first + frames)) ++frames;
+  if (frames == 0) return fmt::format("no animation of {}: it has no pictures", series);
   const std::string file = fmt::format("animation{}.{}", series.substr(std::string("frame").size()), format);
   std::vector<std::string> command{"ffmpeg",
                                    "-nostdin",

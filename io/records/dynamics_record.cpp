@@ -89,7 +89,9 @@ template <int Dim> DynamicsRecord<Dim>::DynamicsRecord(fs::path folder, std::str
     const std::string name = entry.path().filename().string();
     static const std::regex numbered(".*_([0-9]+)[.](vtu|png)");
     std::smatch match;
-    if (is_part(name) && std::regex_match(name, match, numbered) && std::stol(match[1]) >= frames)
+    // Animations are made again at the end.
+    if (is_part(name) &&
+        (name.starts_with("animation") || (std::regex_match(name, match, numbered) && std::stol(match[1]) >= frames)))
       fs::remove(entry.path(), error);
   }
   // Not in place: they may be links to results.

@@ -17,6 +17,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <regex>
 
 namespace efree {
 namespace fs = std::filesystem;
@@ -240,6 +241,18 @@ template <int Dim> void DynamicsRun<Dim>::resume(DynamicsModel<Dim>& model) {
     for (const std::string& name : files_of_run<Dim>(directory_))
       internal::link(directory_ / name, unfinished_->folder() / name);
   record_.emplace(unfinished_->folder(), record);
+  remove_other_pictures();
+}
+
+/// Pictures of an earlier part of the run that are of other series.
+template <int Dim> void DynamicsRun<Dim>::remove_other_pictures() {
+  static const std::regex picture("(frame.*)_[0-9]{4,9}[.]png");
+  for (const std::string& name : files_of_run<Dim>(unfinished_->folder())) {
+    std::smatch match;
+    if (std::regex_match(name, match, picture) &&
+        std::ranges::find(pictures_, match[1].str(), series_name) == pictures_.end())
+      fs::remove(unfinished_->folder() / name);
+  }
 }
 
 template <int Dim> void DynamicsRun<Dim>::add_bodies(const FineMesh<Dim>& mesh) {

@@ -54,6 +54,7 @@ template <int Dim> class DynamicsRun {
  private:
   void begin();
   void draw(const DynamicsModel<Dim>& model, Index frame);
+  void remove_other_pictures();
 
   std::filesystem::path directory_;
   const DynamicsCase<Dim>& case_;

@@ -83,8 +83,9 @@ std::vector<CellSolution> solve_cases_on_cells(const LabelImage<3>& image, const
     Field u;
     for (std::size_t l = problems.grids.size(); l-- > 0;) {
       const CellProblem& problem = *problems.grids[l];
-      if (!problem.holds) continue;
+      if (!problem.holds && u.empty()) continue;
       u = u.empty() ? zeros<double>(problem.size()) : precondition.prolonged(l, u);
+      if (!problem.holds) continue;
       problem.set_held(u);
       const Iterated iterated = iterate(problem, l, problem.loads[c], precondition, {},
                                         {.tolerance = options.tolerance, .most = options.most}, stage, u);

@@ -338,6 +338,12 @@ MeshSize{:} = 0.2;
   }
 }
 
+TEST(Solids, TooSlenderForFacetsAroundThemAreRefusedBeforeTheyAreMeshed) {
+  EXPECT_INPUT_ERROR(solids::cylinder(1e-3, 5000.0, 250.0), "it is too slender for 16 edges to a turn");
+  EXPECT_INPUT_ERROR(solids::thick_cylinder(1e-3, 1.0, 2e4, 250.0), "it is too slender");
+  EXPECT_INPUT_ERROR(solids::half_torus(5000.0, 1e-3, 250.0), "it is too slender");
+}
+
 TEST(Refine, SplitsLongEdgesAndKeepsVolumeGroupsAndRegions) {
   MeshData<3> mesh;
   mesh.vertices.resize(3, 5);

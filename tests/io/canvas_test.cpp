@@ -55,6 +55,26 @@ TEST(Canvas, AreasAreCovered) {
   EXPECT_NEAR(Picture(strokes).ink(1) / (500.0 * 20.0 + 3.14159265 * 100.0), 1.0, 2e-3);
 }
 
+TEST(Canvas, TextsAreWrittenInAsciiAndFitTheirWidth) {
+  const auto ink_of = [](const auto& write) {
+    Canvas canvas;
+    write(canvas);
+    return Picture(canvas).ink(0);
+  };
+  const double micro = ink_of([](Canvas&canvas) { canvas.text("\u00b5m/\u00b2", 100.0, 100.0, 30); }),
+               plain = ink_of([](Canvas&canvas) { canvas.text("um/^2", 100.0, 100.0, 30); });
+  EXPECT_GT(plain, 100.0);
+  EXPECT_EQ(micro, plain);
+  Canvas canvas;
+  canvas.fitted_text(std::string(300, 'm'), 100.0, 100.0, 30, 500.0);
+  const Picture picture(canvas);
+  double beyond = 0.0, within = 0.0;
+  for (int y = 90; y < 140; ++y)
+    for (int x = 100; x < Canvas::width; ++x) (x < 1100 ? within : beyond) += 255 - picture.at(x, y)[0];
+  EXPECT_GT(within, 1000.0);
+  EXPECT_EQ(beyond, 0.0);
+}
+
 TEST(Canvas, TrianglesAtAnEdgeLeaveNoGap) {
   Canvas canvas;
   // A fan around a point, clockwise and counterclockwise.

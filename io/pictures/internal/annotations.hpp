@@ -2,6 +2,7 @@
 /// What stands beside a body in a picture: scales, axes, explanations of colours.
 #pragma once
 
+#include "efree/io/case/picture_options.hpp"
 #include "efree/io/pictures/internal/colours.hpp"
 #include "efree/io/pictures/internal/scene.hpp"
 
@@ -9,8 +10,8 @@
 
 namespace efree::internal::drawing {
 
-/// How people call a field of that name, with its unit.
-std::string label_of(const std::string& field, const std::string& unit);
+/// The field of a picture and its unit, above the scale.
+void draw_label(Canvas& canvas, const PictureOptions& options);
 
 /// A coloured square and what it stands for; x, y in pixels.
 void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size);

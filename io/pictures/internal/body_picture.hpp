@@ -38,19 +38,25 @@ template <int Dim> struct BodyPicture {
   std::optional<Peak> largest{}, smallest{};
 };
 
-/// Side of the cubes with one arrow of a load each [length].
-inline double arrow_gap(const Surface& body) {
-  return box_of(body.points).diagonal().norm() / 16.0;
-}
-
 /// Which load case a picture is of.
 template <int Dim> std::size_t case_number(const PictureOptions& options, const Settings<Dim>& settings) {
   const auto found = std::ranges::find(settings.cases, options.load_case, &LoadCase<Dim>::name);
   return found == settings.cases.end() ? 0 : static_cast<std::size_t>(found - settings.cases.begin());
 }
 
+/// The case, and the load case if there are several.
+template <int Dim> std::string title_of(const PictureOptions& options, const Settings<Dim>& settings) {
+  if (settings.cases.empty()) return settings.common.title;
+  return settings.common.title + ", " + settings.cases[case_number(options, settings)].name;
+}
+
+/// Side of the cubes with one arrow of a load each [length].
+inline double arrow_gap(const Surface& body) {
+  return box_of(body.points).diagonal().norm() / 16.0;
+}
+
 /// Writes a PNG file, displacements drawn at a fifteenth of the body's size unless the options say how, with marks at
-/// the largest value and at a smallest one below 0; `title` is that of the case. Throws InputError if the file cannot
+/// the largest value and at a smallest one below 0; `title` says the case. Throws InputError if the file cannot
 /// be written.
 template <int Dim> void draw_body(const std::filesystem::path& file, const BodyPicture<Dim>& body,
                                   const PictureOptions& options, const std::string& title);

@@ -51,8 +51,11 @@ class Canvas {
     return row >= 0 && row < rows && column >= 0 && column < width &&
            depth(at.z() + slack) >= depths_[sample(row, column)];
   }
-  /// In black in front of everything; x, y is the lower left corner of its first line's box, `size` its height.
-  void text(std::string words, double x, double y, int size);
+  /// In black in front of everything, on one line; x, y is the lower left corner of its box, `size` its height. Letters
+  /// of the fonts are those of ASCII: others are written as nearly as these can, as ? where nothing comes near.
+  void text(const std::string& words, double x, double y, int size);
+  /// The same, smaller where it would be wider than so many pixels, and then cut.
+  void fitted_text(std::string words, double x, double y, int size, double widest);
 
   /// Writes a PNG file. Throws InputError if that is not possible.
   void save(const std::filesystem::path& file) const;
@@ -89,6 +92,9 @@ class Canvas {
   }
   static double place_of(int row, int column) { return column + shift[row % rows_per_pixel]; }
   static std::size_t sample(int row, int column) { return static_cast<std::size_t>(row) * width + column; }
+
+  /// Of a letter, on average, over its height.
+  static constexpr double letter_width = 0.55;
 
   /// How near a sample is, in the order of layers first; z is at most a few pictures deep.
   float depth(double z) const { return static_cast<float>(1e5 * layer_ + z); }

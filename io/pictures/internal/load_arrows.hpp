@@ -25,7 +25,7 @@ struct LoadArrow {
 };
 
 /// Tractions, pressures, forces and moments on parts, whose facets `facets_of` returns by name: at most one arrow for
-/// each load in a cube of side `gap`.
+/// each part in a cube of side `gap`.
 template <int Dim> std::vector<LoadArrow> load_arrows(
     const Loads<Dim>& loads, const std::function<std::vector<LoadedFacet<Dim>>(const std::string& part)>& facets_of,
     double gap);

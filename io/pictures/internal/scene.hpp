@@ -76,9 +76,9 @@ struct View {
 /// to it.
 View view_from(const std::array<double, 2>& angles);
 
-/// A view from above and from the side with the largest faces of the box. Of its four sides, and from below, the one
-/// from which `shown`, a point of the surface, can be seen, if there is one; of these, and without, the one that shows
-/// most of the triangles `marked`.
+/// A view from above and from the side with the largest faces of the box. Of its four sides those from which `shown`, a
+/// point of the surface, can be seen; if it can be seen from below only, from there; of these, and without any, the one
+/// that shows most of the triangles `marked`.
 View best_view(const Surface& surface, const std::vector<Triangle>& marked, const std::optional<Vec3>& shown = {});
 
 /// Where things in space appear: a parallel projection.
