@@ -24,7 +24,8 @@ Display::~Display() {
 
 Monitor::Progress Display::stages(std::vector<std::string> names) {
   return [this, names = std::move(names)](const std::string& stage, double fraction) {
-    if (stage != stage_) {
+    const bool is_over = fraction >= 1.0, begins_again = stage_start_ == Clock::time_point{} && !is_over;
+    if (stage != stage_ || begins_again) {
       finish_line();
       stage_ = stage;
       detail_.clear();
@@ -32,6 +33,7 @@ Monitor::Progress Display::stages(std::vector<std::string> names) {
     }
     const auto position = std::ranges::find(names, stage) - names.begin();
     if (terminal_) bar(stage, (static_cast<double>(position) + fraction) / static_cast<double>(names.size()));
+    if (is_over) finish_line();
   };
 }
 
@@ -71,7 +73,6 @@ void Display::line(const std::string& message) {
 }
 
 void Display::say(const std::string& message) {
-  finish_line();
   clear_bar();
   fmt::print(stderr, "{}\n", message);
 }
