@@ -12,8 +12,8 @@ void draw_label(Canvas& canvas, const PictureOptions& options) {
   std::string label = options.field == "von_mises" ? "von Mises stress" : options.field;
   std::ranges::replace(label, '_', ' ');
   if (!options.unit.empty()) label += fmt::format(" [{}]", options.unit);
-  constexpr double right = 1570.0, widest = 700.0, letter = 13.0;
-  canvas.fitted_text(label, right - std::min(widest, letter * static_cast<double>(label.size())), 1050, 26, widest);
+  constexpr double right = 1570.0, widest = 550.0, letter = 13.0;
+  canvas.fitted_text(label, right - std::min(widest, letter * static_cast<double>(label.size())), 1092, 26, widest);
 }
 
 void swatch(Canvas& canvas, const Colour& colour, const std::string& text, double x, double y, int size) {

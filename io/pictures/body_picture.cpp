@@ -209,7 +209,7 @@ template <int Dim> void draw_body(const std::filesystem::path& file, const BodyP
       fmt::format("displacements drawn x {:.3g}, the largest {:.4g}; body {}", drawn.factor(),
                   body.largest_displacement.value_or(drawn.largest_displacement()), text_of(box_of(undeformed.points))),
       50, 1098, 26);
-  canvas.text(extremes, 50, 1062, 26);
+  canvas.fitted_text(extremes, 50, 1062, 26, width - 100.0);
   double left = 50.0;
   if (!body.held.empty()) swatch(canvas, held_colour, "held, rigidly or by springs", left, 24, 26), left += 450.0;
   if (!body.loaded.empty()) swatch(canvas, load_colour, "loaded", left, 24, 26), left += 200.0;

@@ -6,6 +6,7 @@
 #include "efree/io/pictures/internal/scene.hpp"
 #include "efree/io/pictures/picture.hpp"
 
+#include <fmt/format.h>
 #include <vtkFloatArray.h>
 #include <vtkFlyingEdges3D.h>
 #include <vtkImageData.h>
@@ -226,6 +227,7 @@ template <int Dim> void draw_dynamics(const std::filesystem::path& file, const D
   draw_scale(canvas, scale);
   canvas.fitted_text(picture.title, 50, 1140, 34, width - 100.0);
   draw_label(canvas, picture.options);
+  canvas.text(fmt::format("from {:.4g} to {:.4g}", picture.extremes[0], picture.extremes[1]), 50, 1098, 26);
   draw_axes(canvas, view, solid);
   canvas.save(file);
 }

@@ -46,8 +46,9 @@ template <int Dim> struct DynamicsPicture {
   Vector size;    ///< edges of squares (cubes) as large as the points at the start [length]
   Vector values;  ///< by colour
   std::string title;
-  PictureOptions options;  ///< with a range
-  BoundingBox<Dim> view;   ///< the part of space in the picture
+  PictureOptions options;            ///< with a range
+  std::array<double, 2> extremes{};  ///< of the field at the points, where skins show means
+  BoundingBox<Dim> view;             ///< the part of space in the picture
   std::vector<Wall<Dim>> walls{};
   std::vector<ScalarField<Dim>> rigid_bodies{};  ///< gaps, negative inside; transparent in space
   bool axisymmetric = false;                     ///< drawn on both sides of the axis, x = 0

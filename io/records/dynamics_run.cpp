@@ -137,6 +137,7 @@ template <int Dim> DynamicsPicture<Dim> picture_of(const DynamicsCase<Dim>& of, 
                                                    const PictureOptions& options) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   auto [field, values] = point_field(dynamics, options);
+  const std::array<double, 2> extremes{values.minCoeff(), values.maxCoeff()};
   DynamicsPicture<Dim> picture{.points = dynamics.points(),
                                .F = dynamics.deformation(),
                                // Where there are other points, they get the mean size of those at the start.
@@ -146,6 +147,7 @@ template <int Dim> DynamicsPicture<Dim> picture_of(const DynamicsCase<Dim>& of, 
                                .values = std::move(values),
                                .title = fmt::format("{}, time {:.4g}", of.common.title, dynamics.time()),
                                .options = options,
+                               .extremes = extremes,
                                .view = model.initial_box,
                                .axisymmetric = of.common.model.plane == Plane::axisymmetric};
   picture.options.field = field;
