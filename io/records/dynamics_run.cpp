@@ -103,7 +103,7 @@ std::array<double, 2> united(const std::array<double, 2>& one, const std::array<
 }
 
 /// Pictures of all frames begin with it.
-std::string series_name(const PictureOptions& options) {
+std::string name_of_frames(const PictureOptions& options) {
   return options.name.empty() ? "frame" : "frame_" + options.name;
 }
 
@@ -252,7 +252,7 @@ template <int Dim> void DynamicsRun<Dim>::remove_other_pictures() {
   for (const std::string& name : files_of_run<Dim>(unfinished_->folder())) {
     std::smatch match;
     if (std::regex_match(name, match, picture) &&
-        std::ranges::find(pictures_, match[1].str(), series_name) == pictures_.end())
+        std::ranges::find(pictures_, match[1].str(), name_of_frames) == pictures_.end())
       fs::remove(unfinished_->folder() / name);
   }
 }
@@ -288,7 +288,7 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
     const std::array<double, 2> range = range_of(picture);
     if (varies(picture)) ranges_[k] = united(ranges_[k], range);
     if (!picture.options.range) picture.options.range = ranges_[k][0] < ranges_[k][1] ? ranges_[k] : range;
-    draw_dynamics(unfinished_->folder() / fmt::format("{}_{:04}.png", series_name(pictures_[k]), frame), picture);
+    draw_dynamics(unfinished_->folder() / fmt::format("{}_{:04}.png", name_of_frames(pictures_[k]), frame), picture);
   }
 }
 
@@ -307,7 +307,7 @@ template <int Dim> std::string DynamicsRun<Dim>::finish(OutputDirectory& out) co
   std::string none;
   if (!case_.animation.empty())
     for (const PictureOptions& options : pictures_)
-      if (none.empty()) none = internal::animate(unfinished_->folder(), series_name(options), case_.animation);
+      if (none.empty()) none = internal::animate(unfinished_->folder(), name_of_frames(options), case_.animation);
   for (const std::string& name : files_of_run<Dim>(directory_)) out.supersede(name);
   for (const std::string& name : files_of_run<Dim>(unfinished_->folder()))
     internal::link(unfinished_->folder() / name, out.file(name));
