@@ -1,18 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/point_field.hpp"
 
-#include "efree/analysis/result.hpp"
-
 #include <algorithm>
+#include <array>
 
 namespace efree {
 
-template <int Dim> std::vector<std::string> PointField<Dim>::names(bool axisymmetric) {
-  std::vector<std::string> all{"displacement"};
-  for (const char axis : {'x', 'y', 'z'})
-    if (static_cast<int>(all.size()) <= Dim) all.push_back(std::string("displacement_") + axis);
+template <int Dim> std::vector<std::string> component_field_names(bool axisymmetric) {
+  std::vector<std::string> names;
+  constexpr std::array axes{"x", "y", "z"};
+  for (std::size_t d = 0; d < Dim; ++d) names.push_back(std::string("displacement_") + axes[d]);
   for (const char* what : {"strain_", "stress_"})
-    for (const char* component : component_names<Dim>(axisymmetric)) all.push_back(what + std::string(component));
+    for (const char* component : component_names<Dim>(axisymmetric)) names.push_back(what + std::string(component));
+  return names;
+}
+
+template <int Dim> std::vector<std::string> PointField<Dim>::names(bool axisymmetric) {
+  std::vector<std::string> all = component_field_names<Dim>(axisymmetric);
+  all.insert(all.begin(), "displacement");
   for (const char* one : {"von_mises", "mean_stress", "principal_stress_1", "principal_stress_2", "principal_stress_3"})
     all.emplace_back(one);
   return all;
@@ -47,6 +52,19 @@ template <int Dim> double PointField<Dim>::operator()(const Vec<Dim>& displaceme
   }
 }
 
+std::vector<FieldRange<3>> field_ranges(const CellFields& fields) {
+  std::vector<std::string> names = component_field_names<3>(false);
+  names.emplace_back("principal_stress");
+  std::vector<FieldRange<3>> ranges;
+  for (std::size_t r = 0; r < names.size(); ++r) {
+    const PlacedRange& range = fields.ranges[r];
+    ranges.push_back({names[r], range.most, range.least, range.most_at, range.least_at});
+  }
+  return ranges;
+}
+
+template std::vector<std::string> component_field_names<2>(bool);
+template std::vector<std::string> component_field_names<3>(bool);
 template class PointField<2>;
 template class PointField<3>;
 

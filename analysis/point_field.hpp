@@ -2,7 +2,9 @@
 /// Numbers at points of a body that people ask for by name.
 #pragma once
 
+#include "efree/analysis/result.hpp"
 #include "efree/assembly/kinematics.hpp"
+#include "efree/solvers/cells/cell_fields.hpp"
 
 #include <optional>
 #include <string>
@@ -10,9 +12,12 @@
 
 namespace efree {
 
-/// One number of the displacement, strain or stress at a point: "displacement" (its length), "displacement_x", ...,
-/// "strain_xx", ..., "stress_xx", ... (components as component_names has them), "von_mises", "mean_stress",
-/// "principal_stress_1" (the largest), "principal_stress_2", "principal_stress_3".
+/// "displacement_x", ..., "strain_xx", ..., "stress_xx", ...: components as component_names has them.
+template <int Dim> std::vector<std::string> component_field_names(bool axisymmetric);
+
+/// One number of the displacement, strain or stress at a point: "displacement" (its length), those of
+/// component_field_names, "von_mises", "mean_stress", "principal_stress_1" (the largest), "principal_stress_2",
+/// "principal_stress_3".
 template <int Dim> class PointField {
  public:
   /// All names.
@@ -30,5 +35,8 @@ template <int Dim> class PointField {
   explicit PointField(int number) : number_(number) {}
   int number_;  ///< in `names`
 };
+
+/// Ranges of the components and of the principal stresses on cells, as field_ranges has them on meshes.
+std::vector<FieldRange<3>> field_ranges(const CellFields& fields);
 
 }  // namespace efree

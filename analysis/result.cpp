@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/result.hpp"
 
+#include "efree/analysis/point_field.hpp"
 #include "efree/core/parallel.hpp"
 
 #include <fmt/format.h>
@@ -94,12 +95,7 @@ template <class Values> std::vector<Range> ranges_of(Index count, std::size_t nu
 
 template <int Dim> std::vector<FieldRange<Dim>> field_ranges(const FineSpace<Dim>& space, const Fields<Dim>& fields) {
   constexpr std::size_t size = voigt_size<Dim>;
-  std::vector<std::string> names;
-  constexpr std::array axes{"x", "y", "z"};
-  for (int d = 0; d < Dim; ++d) names.push_back(std::string("displacement_") + axes[d]);
-  for (const char* what : {"strain_", "stress_"})
-    for (const char* component : component_names<Dim>(space.axisymmetric()))
-      names.push_back(what + std::string(component));
+  std::vector<std::string> names = component_field_names<Dim>(space.axisymmetric());
   names.emplace_back("principal_stress");
 
   auto found = ranges_of(static_cast<Index>(fields.displacement.cols()), Dim, [&](Index p, const auto& add) {

@@ -9,7 +9,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <set>
 #include <utility>
 
 namespace efree::internal::drawing {
@@ -46,14 +45,11 @@ void draw_cubes(Canvas& canvas, const Projection& at, const std::vector<Vec3>& p
 
 /// Points of these triangles, at most one to a cube of side `gap`.
 std::vector<Vec3> sparse_points(const Surface& surface, const std::vector<Triangle>& triangles, double gap) {
-  std::set<std::array<long, 3>> taken;
+  OnePerCube cubes(gap);
   std::vector<Vec3> points;
   for (const Triangle& t : triangles)
-    for (const Index p : t) {
-      const Vec3 x = surface.points.col(p);
-      if (taken.insert({std::lround(x[0] / gap), std::lround(x[1] / gap), std::lround(x[2] / gap)}).second)
-        points.push_back(x);
-    }
+    for (const Index p : t)
+      if (const Vec3 x = surface.points.col(p); cubes.take(x)) points.push_back(x);
   return points;
 }
 

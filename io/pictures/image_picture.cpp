@@ -150,17 +150,12 @@ class FieldOnCells {
   void take_known_extremes(const std::string& field) {
     for (const auto& extreme : answer_.extremes)
       if (extreme.of == field) largest = peak(extreme.value, extreme.at);
-    const auto names = PointField<3>::names(false);
-    const std::vector<PlacedRange>& ranges = answer_.by_cell.ranges;  // after the length of the displacement
-    const auto number = static_cast<std::size_t>(std::ranges::find(names, field) - names.begin());
-    constexpr std::size_t components = 15;
-    if (number >= 1 && number <= components) {
-      largest = peak(ranges[number - 1].most, ranges[number - 1].most_at);
-      smallest = peak(ranges[number - 1].least, ranges[number - 1].least_at);
+    for (const FieldRange<3>& range : field_ranges(answer_.by_cell)) {
+      const bool principal = range.of == "principal_stress";  // the most of the first, the least of the third
+      if (range.of == field || (principal && field == "principal_stress_1")) largest = peak(range.most, range.most_at);
+      if (range.of == field || (principal && field == "principal_stress_3"))
+        smallest = peak(range.least, range.least_at);
     }
-    const PlacedRange& principal = ranges[components];
-    if (field == "principal_stress_1") largest = peak(principal.most, principal.most_at);
-    if (field == "principal_stress_3") smallest = peak(principal.least, principal.least_at);
     const auto most = std::ranges::max_element(answer_.utilisations, {}, &Utilisation<3>::value);
     if (field == "utilisation" && most != answer_.utilisations.end()) largest = peak(most->value, most->at);
   }

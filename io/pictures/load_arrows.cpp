@@ -7,7 +7,6 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <set>
 
 namespace efree::internal::drawing {
 
@@ -25,12 +24,11 @@ template <int Dim> std::vector<LoadArrow> load_arrows(
   }
   std::vector<LoadArrow> arrows;
   for (const auto& [part, conditions] : by_part) {
-    std::set<std::array<long, 3>> taken;
+    OnePerCube cubes(gap);
     for (const LoadedFacet<Dim>& facet : facets_of(part)) {
       LoadArrow arrow{Vec3::Zero(), Vec3::Zero(), false, facet.point};
       arrow.at.template head<Dim>() = facet.at;
-      const Vec3 cube = arrow.at / gap;
-      if (!taken.insert({std::lround(cube[0]), std::lround(cube[1]), std::lround(cube[2])}).second) continue;
+      if (!cubes.take(arrow.at)) continue;
       Vec<Dim> traction = Vec<Dim>::Zero();
       for (const auto& condition : conditions) traction += condition.traction(facet.at, facet.normal);
       arrow.traction.template head<Dim>() = traction;

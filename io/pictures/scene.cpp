@@ -60,14 +60,14 @@ View best_view(const Surface& surface, const std::vector<Triangle>& marked, cons
       directions.push_back(
           Vec3((side % 2 ? -0.6 : 0.6) * share[0], (side < 2 ? -1.0 : 1.0) * share[1], 0.75 * upwards * share[2])
               .normalized());
+  // From above, else from below, else from above without seeing the place.
   constexpr std::size_t above = 4;
   std::vector<std::size_t> choice;
-  if (shown)
-    for (const std::size_t first : {std::size_t{0}, above})
-      for (std::size_t k = first; k < first + above && (first == 0 || choice.empty() || choice[0] >= above); ++k)
-        if (is_seen(surface, *shown, directions[k], 1e-3 * size.norm())) choice.push_back(k);
-  if (choice.empty())
-    for (std::size_t k = 0; k < above; ++k) choice.push_back(k);
+  for (std::size_t k = 0; shown && k < directions.size(); ++k) {
+    if (k == above && !choice.empty()) break;
+    if (is_seen(surface, *shown, directions[k], 1e-3 * size.norm())) choice.push_back(k);
+  }
+  if (choice.empty()) choice = {0, 1, 2, 3};
   // Only a clear gain is worth leaving the usual side for.
   std::size_t best = choice.front();
   double most = -1.0;

@@ -174,14 +174,6 @@ template <int Dim> DynamicsPicture<Dim> picture_of(const DynamicsCase<Dim>& of, 
   return picture;
 }
 
-/// Whether not all values are alike.
-template <int Dim> bool varies(const DynamicsPicture<Dim>& picture) {
-  std::array<double, 2> range = no_range;
-  for (const Vector* values : {&picture.values, &picture.skin.values})
-    if (values->size() > 0) range = united(range, {values->minCoeff(), values->maxCoeff()});
-  return range[0] < range[1];
-}
-
 /// Files of a run in a folder.
 template <int Dim> std::vector<std::string> files_of_run(const fs::path& folder) {
   std::vector<std::string> names;
@@ -286,7 +278,7 @@ template <int Dim> void DynamicsRun<Dim>::draw(const DynamicsModel<Dim>& model, 
     DynamicsPicture<Dim> picture = picture_of(case_, model, pictures_[k]);
     // The same colours for the same values as far as that can be known: the range only grows.
     const std::array<double, 2> range = range_of(picture);
-    if (varies(picture)) ranges_[k] = united(ranges_[k], range);
+    if (picture.extremes[0] < picture.extremes[1]) ranges_[k] = united(ranges_[k], range);
     if (!picture.options.range) picture.options.range = ranges_[k][0] < ranges_[k][1] ? ranges_[k] : range;
     draw_dynamics(unfinished_->folder() / fmt::format("{}_{:04}.png", name_of_frames(pictures_[k]), frame), picture);
   }

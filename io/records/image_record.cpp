@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/image_record.hpp"
 
+#include "efree/analysis/point_field.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/io/files/internal/cannot_write.hpp"
 #include "efree/io/records/internal/answer_json.hpp"
@@ -41,20 +42,6 @@ vtkNew<vtkFloatArray> array_on(const std::string& name, const float* values, std
     for (int c = 0; c < 6; ++c) array->SetComponentName(c, tensor_components[c]);
   array->SetArray(const_cast<float*>(values), static_cast<vtkIdType>(count), 1);
   return array;
-}
-
-/// Ranges of the components as result.json has them.
-std::vector<FieldRange<3>> ranges_of(const CellFields& fields) {
-  std::vector<std::string> names{"displacement_x", "displacement_y", "displacement_z"};
-  for (const char* what : {"strain_", "stress_"})
-    for (const char* component : tensor_components) names.push_back(what + std::string(component));
-  names.emplace_back("principal_stress");
-  std::vector<FieldRange<3>> ranges;
-  for (std::size_t r = 0; r < names.size(); ++r) {
-    const PlacedRange& range = fields.ranges[r];
-    ranges.push_back({names[r], range.most, range.least, range.most_at, range.least_at});
-  }
-  return ranges;
 }
 
 }  // namespace
@@ -146,7 +133,7 @@ void write_result(const std::filesystem::path& file, const Settings<3>& settings
   const auto add = [](const ImageAnswer& answer, nlohmann::ordered_json& to) {
     internal::add_values_of<3>(answer, to);
     to["estimates"]["energy"]["interfaces"] = answer.cells->interface_error;
-    internal::add_ranges(ranges_of(answer.by_cell), to);
+    internal::add_ranges(field_ranges(answer.by_cell), to);
     internal::add_utilisations(answer.utilisations, to);
   };
   add(result, json);

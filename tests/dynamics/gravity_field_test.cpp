@@ -3,13 +3,13 @@
 #include "efree/bench/elastic_block.hpp"
 #include "efree/bench/mpm_scenes.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/parallel.hpp"
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/quadrature/approximation.hpp"
+#include "efree/tests/dynamics/interrupted_run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -219,7 +219,6 @@ TEST(GravityField, AUniformFieldIsGravityToTheLastBit) {
 }
 
 TEST(GravityField, ResultsAreBitwiseTheSameOnThreadsAndFromAState) {
-  const int before = num_threads();
   for (const Method method : all_methods) {
     SCOPED_TRACE(static_cast<int>(method));
     const auto made = [&] {
@@ -229,17 +228,7 @@ TEST(GravityField, ResultsAreBitwiseTheSameOnThreadsAndFromAState) {
       return dynamics;
     };
     const auto ran = [&](int threads, bool breaks_off) {
-      set_num_threads(threads);
-      Dynamics<2> dynamics = made();
-      dynamics.run(0.5);
-      if (breaks_off) {
-        const std::string state = dynamics.state();
-        dynamics = made();
-        dynamics.restore(state);
-      }
-      dynamics.run(1.0);
-      set_num_threads(before);
-      return dynamics;
+      return test::run_in_two(threads, breaks_off, 0.5, 1.0, made);
     };
     const Dynamics<2> one = ran(1, false);
     EXPECT_GT(one.balance()["gravity"], 1e-3);

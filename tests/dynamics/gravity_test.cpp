@@ -2,7 +2,6 @@
 /// Bodies under gravity: closed forms, and the same motion seen from a falling frame.
 #include "efree/bench/elastic_block.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/parallel.hpp"
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
@@ -10,6 +9,7 @@
 #include "efree/geometry/meshing/solid_shapes.hpp"
 #include "efree/materials/j2.hpp"
 #include "efree/quadrature/approximation.hpp"
+#include "efree/tests/dynamics/interrupted_run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -184,21 +184,12 @@ TYPED_TEST(GravityIn, OnAWallAtRestIsAsOnAWallThatRisesEverFaster) {
 
 TYPED_TEST(GravityIn, ResultsAreBitwiseTheSameOnAnyNumberOfThreadsAndFromAState) {
   constexpr int Dim = TypeParam::value;
-  const int before = num_threads();
   const Vec<Dim> g = along<Dim>(0.02, -0.1);
   const auto ran = [&](int threads, bool breaks_off) {
-    set_num_threads(threads);
-    Dynamics<Dim> dynamics = loaded<Dim>(false, g);
-    dynamics.run(0.7);
-    if (breaks_off) {
-      const std::string state = dynamics.state();
-      // Gravity is part of the state.
-      dynamics = loaded<Dim>(false, Vec<Dim>::Zero());
-      dynamics.restore(state);
-    }
-    dynamics.run(1.5);
-    set_num_threads(before);
-    return dynamics;
+    // Gravity is part of the state.
+    return test::run_in_two(
+        threads, breaks_off, 0.7, 1.5, [&] { return loaded<Dim>(false, g); },
+        [&] { return loaded<Dim>(false, Vec<Dim>::Zero()); });
   };
   const Dynamics<Dim> one = ran(1, false);
   EXPECT_GT(one.balance()["gravity"], 0.0);

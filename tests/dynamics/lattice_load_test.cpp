@@ -2,7 +2,6 @@
 /// Loads on parts of the boundary by the material point method and smoothed particles: closed forms.
 #include "efree/bench/mpm_scenes.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/parallel.hpp"
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/sph/sph.hpp"
@@ -10,6 +9,7 @@
 #include "efree/dynamics/surface_load.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/geometry/meshing/solid_shapes.hpp"
+#include "efree/tests/dynamics/interrupted_run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -327,7 +327,6 @@ TEST(LatticeLoads, FacetsOfPointsThatBreakBearNothingAnyMore) {
 }
 
 TEST(LatticeLoads, ResultsAreBitwiseTheSameOnThreadsAndFromAState) {
-  const int before = num_threads();
   for (const On on : all_lattices) {
     SCOPED_TRACE(static_cast<int>(on));
     const auto made = [&] {
@@ -342,17 +341,7 @@ TEST(LatticeLoads, ResultsAreBitwiseTheSameOnThreadsAndFromAState) {
       return dynamics;
     };
     const auto ran = [&](int threads, bool breaks_off) {
-      set_num_threads(threads);
-      Dynamics<2> dynamics = made();
-      dynamics.run(1.0);
-      if (breaks_off) {
-        const std::string state = dynamics.state();
-        dynamics = made();
-        dynamics.restore(state);
-      }
-      dynamics.run(2.0);
-      set_num_threads(before);
-      return dynamics;
+      return test::run_in_two(threads, breaks_off, 1.0, 2.0, made);
     };
     const Dynamics<2> one = ran(1, false);
     for (const char* energy : {"loads", "springs", "damping"}) EXPECT_GT(one.balance()[energy], 0.0) << energy;

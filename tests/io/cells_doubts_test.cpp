@@ -116,7 +116,7 @@ TEST(CellsDoubts, BodiesThatNothingHoldsAreLeftOutAndStayWhereTheyAre) {
   EXPECT_THAT(asked.solve(), HasSubstr("the probe \"tip\" is in a body that is left out"));
 }
 
-/// A support of two by two voxels, of which coarser grids have one point.
+/// A part of two by two voxels is held: one point of the coarser grids.
 TEST(CellsDoubts, BarsThatASmallPartHoldsAreSolved) {
   const Bar work(replaced(with_cells("1"), "on = \"left\"", "on = { box = [[0, 3, 3], [0, 5, 5]] }"));
   EXPECT_THAT(work.solve(), HasSubstr("use a smaller mesh_size"));

@@ -38,27 +38,44 @@ void for_each_spline(const Vec<Dim>& at, int degree, double cell, const Vec<Dim>
   });
 }
 
+/// A node of the grid; -1: there is none.
+template <int Dim> struct GridNode {
+  Index node = -1;
+  Vec<Dim> position = Vec<Dim>::Zero();
+  double mass = 0.0;
+};
+
+/// Appends the functions at a position, of the nodes that find(site) returns, with the weights of light ones reduced
+/// if asked for.
+template <int Dim, class Find> void append_functions(const Vec<Dim>& at, int degree, double cell,
+                                                     const Vec<Dim>& origin, bool reduces_light, const Find& find,
+                                                     Index number, SparseRows& rows) {
+  std::vector<WeightedNode<Dim>> nodes;
+  std::vector<double> masses;
+  for_each_spline<Dim>(at, degree, cell, origin, [&](const Site<Dim>& site, double N) {
+    const GridNode<Dim> found = find(site);
+    if (found.node < 0) return;
+    nodes.push_back({found.node, (found.position - at) / cell, N});
+    masses.push_back(found.mass);
+  });
+  if (reduces_light) reduce_light(masses, nodes);
+  append_row(moving_least_squares(nodes), number, rows);
+}
+
 }  // namespace
 
 template <int Dim> SparseRows functions_on_grid(const World<Dim>& world, const PointGrid<Dim>& grid,
                                                 const std::vector<char>& is_mesh, const Points<Dim>& at,
                                                 const std::vector<Index>& bodies) {
   SparseRows result(static_cast<Index>(at.cols()), world.nodes.size());
-  std::vector<WeightedNode<Dim>> nodes;
-  std::vector<double> masses;
   for (Index k = 0; k < at.cols(); ++k) {
-    nodes.clear();
-    masses.clear();
-    for_each_spline<Dim>(at.col(k), grid.degree(), grid.cell(), grid.position(Site<Dim>::Zero()),
-                         [&](const Site<Dim>& site, double N) {
-                           const Index node = grid.of_body(bodies[k]).find(site);
-                           if (node < 0 || !(world.nodes.mass[node] > 0.0)) return;
-                           const Vec<Dim> apart = (world.nodes.x.col(node) - at.col(k)) / grid.cell();
-                           nodes.push_back({node, apart, N});
-                           masses.push_back(world.nodes.mass[node]);
-                         });
-    if (is_mesh[bodies[k]] == 0) reduce_light(masses, nodes);
-    append_row(moving_least_squares(nodes), k, result);
+    const auto find = [&](const Site<Dim>& site) -> GridNode<Dim> {
+      const Index node = grid.of_body(bodies[k]).find(site);
+      if (node < 0 || !(world.nodes.mass[node] > 0.0)) return {};
+      return {node, world.nodes.x.col(node), world.nodes.mass[node]};
+    };
+    append_functions<Dim>(at.col(k), grid.degree(), grid.cell(), grid.position(Site<Dim>::Zero()),
+                          is_mesh[bodies[k]] == 0, find, k, result);
   }
   result.finalize();
   return result;
@@ -101,23 +118,16 @@ template <int Dim> SurfacePart<Dim> surface_on_lattice(const FineMesh<Dim>& mesh
     node_at[site] = a;
   }
   part.functions.resize(count, static_cast<Index>(body.nodes.cols()));
-  std::vector<internal::WeightedNode<Dim>> nodes;
-  std::vector<double> masses;
-  for (Index k = 0; k < count; ++k) {
-    nodes.clear();
-    masses.clear();
-    const Vec<Dim> at = part.positions.col(k);
-    internal::for_each_spline<Dim>(at, options.degree, options.cell, origin, [&](const auto& site, double N) {
-      std::array<Index, Dim> key;
-      std::ranges::copy(site, key.begin());
-      if (const auto found = node_at.find(key); found != node_at.end()) {
-        nodes.push_back({found->second, (body.nodes.col(found->second) - at) / options.cell, N});
-        masses.push_back(mass[found->second]);
-      }
-    });
-    internal::reduce_light(masses, nodes);
-    internal::append_row(internal::moving_least_squares(nodes), k, part.functions);
-  }
+  const auto find = [&](const internal::Site<Dim>& site) -> internal::GridNode<Dim> {
+    std::array<Index, Dim> key;
+    std::ranges::copy(site, key.begin());
+    const auto found = node_at.find(key);
+    if (found == node_at.end()) return {};
+    return {found->second, body.nodes.col(found->second), mass[found->second]};
+  };
+  for (Index k = 0; k < count; ++k)
+    internal::append_functions<Dim>(part.positions.col(k), options.degree, options.cell, origin, true, find, k,
+                                    part.functions);
   part.functions.finalize();
   return part;
 }

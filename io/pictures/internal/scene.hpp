@@ -6,7 +6,9 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cmath>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -60,6 +62,20 @@ template <int Dim> Surface corners_of(const Eigen::AlignedBox<double, Dim>& box)
     for (int i = 0; i < Dim; ++i) corners.points(i, k) = (k >> i & 1) != 0 ? box.max()[i] : box.min()[i];
   return corners;
 }
+
+/// Thins out places: takes one of those in each cube of space.
+class OnePerCube {
+ public:
+  explicit OnePerCube(double side) : side_(side) {}
+  /// Whether it is the first in its cube.
+  bool take(const Vec3& x) {
+    return taken_.insert({std::lround(x[0] / side_), std::lround(x[1] / side_), std::lround(x[2] / side_)}).second;
+  }
+
+ private:
+  double side_;
+  std::set<std::array<long, 3>> taken_;
+};
 
 /// Where the viewer stands: directions to the viewer and upwards, both of length one.
 struct View {
