@@ -135,12 +135,23 @@ std::vector<BoundaryPart> describe_parts(const Settings<3>& settings, const Labe
   return parts;
 }
 
-void check_probes_of_image(const Settings<3>& settings, const LabelImage<3>& image) {
-  for (const auto& probe : settings.probes)
-    if (label_near(image, probe.at, probe_reach) == 0)
+/// Probes beside the voxels of the material are taken at the nearest place in these, which is remarked, or warned of
+/// where smoothed boundaries of voxels do not explain it.
+void place_probes(const LabelImage<3>& image, Settings<3>& settings, std::vector<std::string>& remarks,
+                  std::vector<std::string>& warnings) {
+  for (auto& probe : settings.probes) {
+    const auto [label, x, distance] = material_near(image, probe.at, probe_reach);
+    if (label == 0)
       throw InputError(said_at(probe.where, fmt::format("the probe \"{}\" at ({:.6g}) lies outside the body: there is "
                                                         "no material within a voxel",
                                                         probe.name, fmt::join(probe.at, ", "))));
+    const double voxel = image.spacing.minCoeff();
+    if (distance <= 1e-6 * voxel) continue;
+    (distance <= 0.5 * voxel ? remarks : warnings)
+        .push_back(fmt::format("the probe \"{}\" lies {:.2g} outside of the voxels of the material: taken at ({:.6g})",
+                               probe.name, distance, fmt::join(x, ", ")));
+    probe.at = x;
+  }
 }
 
 /// Fields by cell, and the numbers that are asked for.
@@ -288,8 +299,9 @@ std::string why_image_takes_mesh(const MeshSource<3>& source, const Settings<3>&
   return "";
 }
 
-std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& settings,
+std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Settings<3>& asked,
                                          const Monitor& watching) {
+  Settings<3> settings = asked;
   const CommonSettings<3>& common = settings.common;
   const auto left_to_mesh = [&](const std::string& why) {
     if (settings.cells == OnCells::always)
@@ -325,7 +337,7 @@ std::optional<ImageResult> analyse_image(const MeshSource<3>& source, const Sett
   }
   result.reports = std::move(made.reports);
   result.parts = describe_parts(settings, image, result.facets);
-  check_probes_of_image(settings, image);
+  place_probes(image, settings, made.remarks, made.warnings);
   reading.reset();
   if (monitor.say) {
     for (const std::string& remark : made.remarks) monitor.say(remark);

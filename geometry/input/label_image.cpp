@@ -42,27 +42,27 @@ template <int Dim> void check_image(const LabelImage<Dim>& image) {
                                    image.labels[pixel], grey, image.labels[pixel] != 0 ? "positive" : "negative"));
 }
 
-template <int Dim> Label label_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach) {
+template <int Dim> NearMaterial<Dim> material_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach) {
   const Vec<Dim> u = (image.axes.transpose() * (x - image.origin)).cwiseQuotient(image.spacing);
   std::array<Index, Dim> low, high;
   for (int d = 0; d < Dim; ++d) {
     const auto at = static_cast<Index>(std::clamp(std::floor(u[d]), -1e9, 1e9));
     low[d] = std::max(0, at - reach);
     high[d] = std::min(image.size[d] - 1, at + reach);
-    if (low[d] > high[d]) return 0;
+    if (low[d] > high[d]) return {};
   }
-  Label found = 0;
-  double nearest = std::numeric_limits<double>::infinity();
+  NearMaterial<Dim> found;
+  found.distance = std::numeric_limits<double>::infinity();
   for (std::array<Index, Dim> at = low; at[Dim - 1] <= high[Dim - 1];) {
-    Vec<Dim> way;  // from the point to the pixel
-    for (int d = 0; d < Dim; ++d) way[d] = image.spacing[d] * std::max({0.0, at[d] - u[d], u[d] - at[d] - 1.0});
-    if (const Label label = image.at(at); label != 0 && way.squaredNorm() < nearest) {
-      nearest = way.squaredNorm();
-      found = label;
+    if (const Label label = image.at(at); label != 0) {
+      Vec<Dim> way;  // from the point to the pixel, along the image's axes
+      for (int d = 0; d < Dim; ++d) way[d] = image.spacing[d] * (std::clamp(u[d], at[d] * 1.0, at[d] + 1.0) - u[d]);
+      if (const double distance = way.norm(); distance < found.distance)
+        found = {label, distance > 0.0 ? Vec<Dim>(x + image.axes * way) : x, distance};
     }
     for (int d = 0; d < Dim && (++at[d] > high[d] && d + 1 < Dim); ++d) at[d] = low[d];
   }
-  return found;
+  return found.label == 0 ? NearMaterial<Dim>() : found;
 }
 
 template <int Dim> std::vector<LabelCount> count_labels(const LabelImage<Dim>& image) {
@@ -137,8 +137,8 @@ template <int Dim> LabelImage<Dim> random_spheres(Index n, const RandomSpheres& 
 
 template void check_image<2>(const LabelImage<2>&);
 template void check_image<3>(const LabelImage<3>&);
-template Label label_near<2>(const LabelImage<2>&, const Vec<2>&, int);
-template Label label_near<3>(const LabelImage<3>&, const Vec<3>&, int);
+template NearMaterial<2> material_near<2>(const LabelImage<2>&, const Vec<2>&, int);
+template NearMaterial<3> material_near<3>(const LabelImage<3>&, const Vec<3>&, int);
 template std::vector<LabelCount> count_labels<2>(const LabelImage<2>&);
 template std::vector<LabelCount> count_labels<3>(const LabelImage<3>&);
 template LabelImage<2> random_spheres<2>(Index, const RandomSpheres&);

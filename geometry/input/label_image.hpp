@@ -41,9 +41,15 @@ template <int Dim> struct LabelImage {
 /// there is one label to every pixel, and grey values, if there are any, are finite and of the labels' sign.
 template <int Dim> void check_image(const LabelImage<Dim>& image);
 
-/// The label at a point of the world, or, if that is void, of the nearest pixel of material that is no more than
-/// `reach` pixels away along each axis; 0 if there is none.
-template <int Dim> Label label_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach);
+/// Where material is near a point.
+template <int Dim> struct NearMaterial {
+  Label label = 0;                ///< 0: there is none
+  Vec<Dim> x = Vec<Dim>::Zero();  ///< the place in its pixel that is nearest to the point, in the world
+  double distance = 0.0;          ///< of these two [length]
+};
+/// The material at a point of the world, or, if that is void, the nearest that is no more than `reach` pixels away
+/// along each axis.
+template <int Dim> NearMaterial<Dim> material_near(const LabelImage<Dim>& image, const Vec<Dim>& x, int reach);
 
 /// A label and how many pixels have it.
 struct LabelCount {

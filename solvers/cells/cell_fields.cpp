@@ -334,7 +334,7 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
   const auto region_at = [&](const std::array<Index, 3>& octant) -> Index {
     const Vec<3> at = 0.5 * Vec<3>(octant[0] + 0.5, octant[1] + 0.5, octant[2] + 0.5);
     const Vec<3> x = solution.grid.origin + solution.axes * solution.grid.spacing.cwiseProduct(at);
-    const Label label = label_near(image, x, probe_reach);
+    const Label label = material_near(image, x, probe_reach).label;
     return label != 0 && label < region_of_label.size() ? region_of_label[label] : -1;
   };
   constexpr Index slab = 32;  // layers of cells whose strains are held at once
@@ -358,7 +358,8 @@ CellFields recover_cell_fields(const CellSolution& solution, const LabelImage<3>
     fields.regions.push_back(region.ranges().stresses);
   }
   for (std::size_t p = 0; p < probes.size(); ++p)
-    if (const Label label = label_near(image, probes[p], probe_reach); label != 0 && label < region_of_label.size())
+    if (const Label label = material_near(image, probes[p], probe_reach).label;
+        label != 0 && label < region_of_label.size())
       if (const Index region = region_of_label[label]; region >= 0)
         fields.probes[p] = probe(solution, parts[region], by_region, region, probes[p]);
   return fields;

@@ -63,7 +63,9 @@ double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& la
 class MixedCells {
  public:
   MixedCells(const CellSolution& solution, const LabelImage<3>& image, const std::vector<SharedMaterial>& materials)
-      : solution_(solution), n_(solution.grid.cubes) {
+      : solution_(solution), voxel_(image.spacing), n_(solution.grid.cubes) {
+    for (int d = 0; d < 3; ++d)
+      reach_[d] = std::max<Index>(1, std::llround(0.5 * voxel_[d] / solution.grid.spacing[d]));
     const Vec<3> middle = image.in_world(
         image.origin + 0.5 * image.spacing.cwiseProduct(Vec<3>(image.size[0], image.size[1], image.size[2])));
     const std::vector<LabelCount> counts = count_labels(image);
@@ -198,10 +200,10 @@ class MixedCells {
         double ends[2];
         for (int s = 0; s < 2; ++s) {
           auto next = at;
-          next[d] += 2 * s - 1;
+          next[d] += (2 * s - 1) * reach_[d];
           ends[s] = next[d] < 0 || next[d] >= n_[d] ? here : share(phase, next).value_or(here);
         }
-        gradient[d] = (ends[1] - ends[0]) / solution_.grid.spacing[d];
+        gradient[d] = (ends[1] - ends[0]) / (reach_[d] * solution_.grid.spacing[d]);
       }
       if (gradient.norm() > steepest.norm()) steepest = gradient, stiffer = &phase;
     }
@@ -227,12 +229,13 @@ class MixedCells {
       double ends[2];
       for (int s = 0; s < 2; ++s) {
         auto next = at;
-        next[d] += 2 * s - 1;
+        next[d] += (2 * s - 1) * reach_[d];
         ends[s] = next[d] < 0 || next[d] >= n_[d] ? 0.0 : modulus(next);
         if (ends[s] == 0.0) ends[s] = here;
       }
-      gradient[d] = (ends[1] - ends[0]) / solution_.grid.spacing[d];
-      bend[d] = std::abs(ends[1] + ends[0] - 2.0 * here) / solution_.grid.spacing[d];
+      const double step = reach_[d] * solution_.grid.spacing[d];
+      gradient[d] = (ends[1] - ends[0]) / step;
+      bend[d] = std::abs(ends[1] + ends[0] - 2.0 * here) / step;
     }
     // A layer within one row of cells has like neighbours on both sides.
     int across = 0;
@@ -281,7 +284,9 @@ class MixedCells {
   /// The stress in the nearest cell of one material along the normal, on the soft side if there is one: that of a mixed
   /// cell, which is strained like its soft neighbours, would be far too large.
   std::optional<Voigt<3>> stress_beside(const std::array<Index, 3>& at, const Vec<3>& normal) const {
-    constexpr int farthest = 3;  // cells
+    // Cells smaller than voxels are mixed wherever the part of a voxel is that the boundary crosses.
+    const int farthest = static_cast<int>(
+        std::ceil(std::max(3.0, 1.5 * (voxel_.array() / solution_.grid.spacing.array()).maxCoeff())));  // cells
     for (const double side : {-1.0, 1.0})
       for (int step = 1; step <= farthest; ++step) {
         const Vec<3> way =
@@ -310,6 +315,8 @@ class MixedCells {
   }
 
   const CellSolution& solution_;
+  Vec<3> voxel_;                  ///< edges [length]
+  std::array<Index, 3> reach_{};  ///< cells to neighbours whose shares differ, as these are of eighths of voxels
   std::array<Index, 3> n_;
   BoxRange all_{{0, 0, 0}, n_};
   std::vector<Phase> phases_;

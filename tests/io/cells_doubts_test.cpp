@@ -92,6 +92,26 @@ TEST(CellsDoubts, SoftLayersWithinARowOfCellsAreInTheStatedError) {
   EXPECT_GT(said, 0.5 * off);
 }
 
+/// A bar with a hole through it: beside the hole's walls probes are those of the walls.
+TEST(CellsDoubts, ProbesInVoidAreTakenAtTheNearestMaterialAndSaidSo) {
+  std::string text = with_cells("0.5");
+  for (const char* at : {"20, 2, 4", "20, 2.4, 4", "20, 2.9, 4", "40.8, 4, 4", "40, 4, 4"})
+    text += fmt::format("[[probe]]\nname = \"at {0}\"\nat = [{0}]\n", at);
+  const Bar work(text, [](int i, int j, int) { return i >= 18 && i < 22 && j >= 2 && j < 6 ? 0 : 1; });
+  const std::string printed = work.solve();
+  EXPECT_THAT(printed, HasSubstr("the probe \"at 20, 2.4, 4\" lies 0.4 outside of the voxels of the material: taken at "
+                                 "(20, 2, 4)"));
+  const auto result = json(work / "out/result.json");
+  const auto value = [&](const std::string& name) { return result["probes"][name]["displacement"]; };
+  EXPECT_EQ(value("at 20, 2.4, 4"), value("at 20, 2, 4"));
+  EXPECT_EQ(value("at 20, 2.9, 4"), value("at 20, 2, 4"));
+  EXPECT_EQ(value("at 40.8, 4, 4"), value("at 40, 4, 4"));
+  const std::string warnings = result["reports"]["warnings"].dump();
+  EXPECT_THAT(warnings, HasSubstr("at 20, 2.9, 4\\\" lies 0.9 outside"));
+  EXPECT_THAT(warnings, HasSubstr("at 40.8, 4, 4\\\" lies 0.8 outside"));
+  EXPECT_THAT(warnings, Not(HasSubstr("2.4"))) << "as smoothed boundaries of voxels are";
+}
+
 TEST(CellsDoubts, BodiesThatCellsJoinAreWarnedOf) {
   const auto parted = [](int i, int, int) { return i == 20 ? 0 : 1; };
   EXPECT_THAT(Bar(with_cells("2"), parted).solve(),

@@ -329,6 +329,26 @@ TEST(Cells, InterfacesWithinCellsAreInTheStatedError) {
   }
 }
 
+/// On cells smaller than the eighths of voxels whose shares are known, interfaces are as wide as these.
+TEST(Cells, CurvedInterfacesLackNothingMoreOnCellsSmallerThanVoxels) {
+  const auto image =
+      image_of({8, 8, 8}, [](const Vec<3>& x) -> Label { return (x - Vec<3>(4.5, 3.5, 3.5)).norm() < 2.2 ? 2 : 1; });
+  const std::vector<SharedMaterial> materials{{}, LinearElastic(1000.0, 0.3), LinearElastic(1.0, 0.3)};
+  std::vector<CellSolution> solutions;
+  for (const double size : {1.0, 0.5, 0.25, 0.125})
+    solutions.push_back(solve_on_cells(image, materials, stretched_along_z(0.1), {}, {.size = size}));
+  const double exact = solutions.back().extrapolated_energy;
+  EXPECT_LT(exact, solutions.back().finest().strain_energy);
+  for (const CellSolution& solution : solutions) {
+    const double edge = solution.finest().edges[0];
+    EXPECT_NEAR(solution.extrapolated_energy, exact, 0.015 * edge * exact) << edge;
+    const double truth = std::sqrt(solution.finest().strain_energy / exact - 1.0),
+                 stated = std::hypot(solution.grid_error, solution.interface_error);
+    EXPECT_GT(stated, 0.5 * truth) << edge;
+    EXPECT_LT(stated, 2.0 * truth) << edge;
+  }
+}
+
 TEST(Cells, TurnedImagesHaveTheAnswerOfStraightOnesTurned) {
   LabelImage<3> image = image_of({18, 12, 10}, [](const Vec<3>& x) -> Label { return x[1] < 8.0 || x[0] > 12.0; });
   image.origin = {2.0, -1.0, 0.5};

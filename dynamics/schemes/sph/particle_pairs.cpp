@@ -106,6 +106,7 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
         fits = fits && local[j] <= std::numeric_limits<std::uint16_t>::max();
         of.other.push_back(static_cast<std::uint16_t>(local[j]));
       });
+      while (of.count() % pairs_at_once != 0) of.other.push_back(static_cast<std::uint16_t>(i));
       of.begin.push_back(of.count());
       for (std::size_t k = 0; k < images.size(); ++k) {
         const Vec<Dim> image = images[k].of(at);

@@ -240,6 +240,7 @@ template <int Dim> std::int64_t Sph<Dim>::count_clumped(const World<Dim>& world)
     std::vector<char> clumped(pairs.particles.size(), 0);
     for (Index i = 0; i < pairs.own; ++i)
       for (Index k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
+        if (pairs.other[k] == i) continue;
         const Index a = pairs.particles[i], b = pairs.particles[pairs.other[k]];
         const double size = 0.5 * (sizes_.smoothing[a] + sizes_.smoothing[b]);
         const double least = clumped_distance * size / options_.smoothing;

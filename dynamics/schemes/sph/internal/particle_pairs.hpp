@@ -17,12 +17,15 @@ struct MirroredPair {
   Index other;
 };
 
+/// Pairs of a particle are as many, or a multiple of it: the last may be with itself.
+inline constexpr Index pairs_at_once = 4;
+
 /// Pairs of a chunk of particles with each other, once each, and with those around the chunk.
 struct ParticlePairs {
   std::vector<Index> particles;        ///< of the world by local number: those of the chunk, then those around it
   Index own = 0;                       ///< how many are of the chunk
   std::vector<Index> begin{0};         ///< by own particle: its first pair, and one past the last of all
-  std::vector<std::uint16_t> other;    ///< by pair: local number, larger than that of the first
+  std::vector<std::uint16_t> other;    ///< by pair: local number, larger than that of the first, or the same
   std::vector<MirroredPair> mirrored;  ///< with images, ascending by `own`
 
   Index all() const { return static_cast<Index>(particles.size()); }
