@@ -129,7 +129,8 @@ template <int Dim> struct DynamicsSettings {
   double max_step = std::numeric_limits<double>::infinity();  ///< [time]
   double residual = 0.0;  ///< Dynamics::residual at which a run after options.rest_from is at rest, and ends; 0: none
   double min_step = 0.0;  ///< [time], shorter steps end the run; 0: 1e-4 of the first, or of `end` if that is less
-  /// Whether regions that share vertices are one body there, as by otm they can be. Else they are in contact.
+  /// Whether regions that share facets are one body there, as by otm and mpm they can be. Else they are in contact; by
+  /// sph particles of bodies that meet are as those of one.
   bool tied = true;
   /// Whether points near each other share their mean dilatation (pressure patches), against locking. Empty: all but
   /// those of fluids with artificial viscosity, which need none.

@@ -386,9 +386,26 @@ template <int Dim> void check_times(const DynamicsSettings<Dim>& settings, doubl
           fmt::format("{} is {:.3g}, next to nothing compared with a stable step, {:.3g}", name, time, stable)));
 }
 
-/// Whether regions are tied: they touch, and nodes are at the vertices of the mesh.
+/// Whether regions are tied: they touch, and the method can.
 template <int Dim> bool ties_regions(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
-  return settings.tied && settings.method == DynamicsMethod::otm && !settings.otm.seizing && !tied_facets(mesh).empty();
+  const bool can = settings.method == DynamicsMethod::otm ? !settings.otm.seizing
+                   : settings.method == DynamicsMethod::mpm
+                       ? settings.mpm.frame != MpmFrame::total
+                       : settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::updated;
+  return settings.tied && can && !tied_facets(mesh).empty();
+}
+
+/// Bodies whose regions touch.
+template <int Dim> std::vector<std::pair<Index, Index>> touching_bodies(const FineMesh<Dim>& mesh) {
+  std::vector<Index> body(mesh.num_regions(), -1);  // regions without cells have none
+  for (Index c = 0; c < mesh.num_cells(); ++c) body[mesh.region(c)] = 0;
+  Index count = 0;
+  for (Index& of : body)
+    if (of == 0) of = count++;
+  std::set<std::pair<Index, Index>> pairs;
+  for (const auto& [first, second] : tied_facets(mesh))
+    pairs.emplace(body[mesh.region(mesh.facet_cell(first))], body[mesh.region(mesh.facet_cell(second))]);
+  return {pairs.begin(), pairs.end()};
 }
 
 template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
@@ -399,7 +416,8 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
   else if (!ties.empty() && settings.tied)
     model.warnings.push_back(
         fmt::format("Regions are not tied to each other: they touch along {} facets, and every region is a body of its "
-                    "own. Take dynamics.method = \"otm\" to tie them, or contact.tie = false if they are to part",
+                    "own. Take dynamics.method = \"otm\" or \"mpm\" (frame = \"updated\" or \"mesh\") to tie them, or "
+                    "contact.tie = false if they are to part",
                     ties.size()));
   if (!without_inner_nodes.empty())
     model.warnings.push_back(fmt::format(
@@ -430,8 +448,11 @@ template <int Dim> void add_warnings(const PreparedMesh<Dim>& mesh, const Dynami
 template <int Dim>
 std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
   if (settings.method == DynamicsMethod::otm) return otm<Dim>(settings.otm);
-  if (settings.method == DynamicsMethod::mpm && settings.mpm.frame != MpmFrame::total)
-    return mpm<Dim>(with_origin(settings.mpm.options, mesh));
+  if (settings.method == DynamicsMethod::mpm && settings.mpm.frame != MpmFrame::total) {
+    MpmOptions options = with_origin(settings.mpm.options, mesh);
+    if (ties_regions(mesh, settings)) options.ties = touching_bodies(mesh);
+    return mpm<Dim>(options);
+  }
   if (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::updated)
     return sph<Dim>(with_origin(settings.sph.options, mesh));
   return total_lagrangian<Dim>();
@@ -478,7 +499,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   DynamicsOptions options = settings.options;
   options.plane = settings.common.model.plane.value_or(Plane::strain);
   if (lacks_contact(settings)) options.contact.enabled = false;  // there are no surfaces
-  options.tied = ties_regions(*mesh.mesh, settings);
+  options.tied = settings.method == DynamicsMethod::otm && ties_regions(*mesh.mesh, settings);
   const auto num_points = static_cast<Index>(built.point_sizes.size());
   require_memory(bytes_per_point * num_points, fmt::format("explicit dynamics of {} material points", num_points),
                  "take a coarser mesh, or a [cloud]");

@@ -291,6 +291,10 @@ template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>&
   for (const char* key : {"enabled", "self", "tie", "friction"})
     if (dynamics.otm.seizing && section.has(key))
       section.fail(key, fmt::format("{} means nothing for bodies that seize (otm.seizing): leave it out", key));
+    else if (dynamics.method == DynamicsMethod::sph && dynamics.sph.frame == SphFrame::updated && section.has(key))
+      section.fail(key, fmt::format("{} means nothing for smoothed particles, which act on those of other bodies as on "
+                                    "those of their own: leave it out, or take another method",
+                                    key));
   contact.enabled = section.boolean("enabled", !dynamics.otm.seizing);
   contact.self = section.boolean("self", contact.self);
   dynamics.tied = section.boolean("tie", dynamics.tied);

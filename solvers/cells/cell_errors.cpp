@@ -24,6 +24,12 @@ double softened(double value, const CellLevel& level) {
   return sign >= 0.0 ? value / (1.0 + sign * lacking) : value * (1.0 - sign * lacking);
 }
 
+/// The smaller one: of differences between grids with and without what interfaces lack. On coarse grids that is a
+/// guess, and grids that agree without it do not differ by it.
+double least_of(double a, double b) {
+  return std::abs(a) < std::abs(b) ? a : b;
+}
+
 /// What the finest of three values leaves, component by component: from the last two at the rate of the three, between
 /// one and two, but no less than least_left.
 Vec<3> left_by_grids(const std::vector<Vec<3>>& values) {
@@ -58,20 +64,24 @@ void internal::estimate_errors(CellSolution& solution) {
     solution.grid_error = 1.0;
     return;
   }
-  const auto potential = [&](std::size_t l) { return softened(levels[l].potential, levels[l]); };
-  const double last = potential(1) - potential(0);
+  const auto difference = [&](std::size_t l) {
+    return least_of(softened(levels[l + 1].potential, levels[l + 1]) - softened(levels[l].potential, levels[l]),
+                    levels[l + 1].potential - levels[l].potential);
+  };
+  const double last = difference(0);
   const auto coarsening = [&](std::size_t l) {  // a little less than two for odd numbers of cells
     return std::cbrt(levels[l + 1].edges.prod() / levels[l].edges.prod());
   };
   double rate = 1.0, before = 0.0;
   if (levels.size() > 2) {
-    before = potential(2) - potential(1);
+    before = difference(1);
     if (before > 0.0 && last > 0.0) rate = std::clamp(std::log(before / last) / std::log(coarsening(1)), 1.0, 2.0);
   }
   const double share = 1.0 / (std::pow(coarsening(0), rate) - 1.0);
   // Grids that are not parts of each other see boundaries at other places, which looks like a low rate.
   const double towards = coarsening(0) > 1.999 ? share : 1.0 / (std::pow(coarsening(0), 2) - 1.0);
-  const double further = towards * (solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]));
+  const double further = towards * least_of(solution.extrapolated_energy - softened(levels[1].strain_energy, levels[1]),
+                                            levels[0].strain_energy - levels[1].strain_energy);
   constexpr double most = 0.5;  // beyond that grids are not on their way to anything
   if (std::abs(further) <= most * solution.extrapolated_energy) solution.extrapolated_energy += further;
   // What interfaces lack on the coarser grids is known to about its own size, and differences by that say nothing.

@@ -60,17 +60,14 @@ template <int Dim> void FastestMode<Dim>::move_to_grid(const World<Dim>& world, 
   const bool is_known = mean > 0.0 && std::isfinite(mean);
   const double amount = is_known ? mixed_in * mean : 1.0;
   Points<Dim> mode(Dim, world.nodes.size());
-  std::vector<SparseGrid<Dim>> grids;
-  for (Index b = 0; b < world.num_bodies(); ++b) {
-    grids.push_back(grid.of_body(b));
-    grids.back().for_each([&](Index node, const Site<Dim>& site) {
+  for (Index b = 0; b < world.num_bodies(); ++b)
+    grid.grids()[b].for_each([&](Index node, const Site<Dim>& site) {
       const Index before = is_known ? grids_[b].find(site) : -1;
       for (int i = 0; i < Dim; ++i)
         mode(i, node) = (before < 0 ? 0.0 : mode_(i, before)) + amount * random_at<Dim>(site, b, i, estimates_);
     });
-  }
   mode_ = std::move(mode);
-  grids_ = std::move(grids);
+  grids_ = grid.grids();
   ++estimates_;
 }
 

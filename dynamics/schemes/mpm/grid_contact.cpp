@@ -45,8 +45,8 @@ template <int Dim> void GridContact<Dim>::find_shared(const World<Dim>& world) {
   at_node_.assign(static_cast<std::size_t>(world.nodes.size()), {});
   for (Index b = 0; b < world.num_bodies(); ++b)
     for (Index c = b + 1; c < world.num_bodies(); ++c)
-      grid_.of_body(b).for_each([&](Index node, const Site<Dim>& site) {
-        const Index other = grid_.of_body(c).find(site);
+      grid_.grids()[b].for_each([&](Index node, const Site<Dim>& site) {
+        const Index other = grid_.grids()[c].find(site);
         if (other < 0 || !(world.nodes.mass[node] > 0.0) || !(world.nodes.mass[other] > 0.0)) return;
         const auto k = static_cast<Index>(shared_.size());
         shared_.push_back({.node = {node, other}});

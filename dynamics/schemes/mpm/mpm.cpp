@@ -158,6 +158,7 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
   world.functions_at = [this, is_mesh](const auto& now, const auto& at, const auto& of) {
     return internal::functions_on_grid(now, grid_, is_mesh, at, of);
   };
+  grid_.tie(options_.ties, world.num_bodies());
   momentum_before_.resize(world.num_bodies());
   owed_.setZero(Dim, world.num_bodies());
   grid_.rebuild(world, true);

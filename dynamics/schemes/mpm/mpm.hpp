@@ -8,6 +8,8 @@
 
 #include <array>
 #include <memory>
+#include <utility>
+#include <vector>
 
 namespace efree {
 
@@ -33,6 +35,9 @@ struct MpmOptions {
   /// Strains by velocities that went to the points and back to the grid (MUSL: Sulsky, Zhou & Schreyer 1995; not for
   /// polypic), which damps nodes with little mass.
   bool remap = false;
+  /// Pairs of bodies that are tied: they, and those that are tied to the same ones, share the nodes of the grid, as one
+  /// body does.
+  std::vector<std::pair<Index, Index>> ties{};
 };
 
 /// The scheme with a new grid in every step (updated Lagrangian). Bodies have points and no nodes, and

@@ -149,6 +149,16 @@ template <int Dim> void PointGrid<Dim>::rebuild(World<Dim>& world, bool replaces
   }
 }
 
+template <int Dim> void PointGrid<Dim>::tie(const std::vector<std::pair<Index, Index>>& pairs, Index num_bodies) {
+  first_tied_.resize(static_cast<std::size_t>(num_bodies));
+  std::iota(first_tied_.begin(), first_tied_.end(), 0);
+  for (const auto& [a, b] : pairs) {
+    require(std::min(a, b) >= 0 && std::max(a, b) < num_bodies, "ties: expected bodies that there are");
+    const auto [first, later] = std::minmax(first_tied_[a], first_tied_[b]);
+    std::ranges::replace(first_tied_, Index(later), Index(first));
+  }
+}
+
 template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool replaces) {
   // Sites of a chunk's nodes, in the order of their local numbers.
   const auto site_at = [](const Particles<Dim>& of, Index slot) {
@@ -173,12 +183,12 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
   });
   grids_.clear();
   std::vector<Index> first{0};
-  std::vector<std::vector<GridBlock>> of_body(world.num_bodies());
+  std::vector<std::vector<GridBlock>> blocks_of(world.num_bodies());
   for (std::size_t c = 0; c < blocks.size(); ++c) {
-    auto& all = of_body[world.chunks[c].body];
+    auto& all = blocks_of[first_tied_[world.chunks[c].body]];
     all.insert(all.end(), blocks[c].begin(), blocks[c].end());
   }
-  for (auto& all : of_body) {
+  for (auto& all : blocks_of) {
     grids_.emplace_back(std::move(all), first.back());
     first.push_back(grids_.back().end());
   }
@@ -189,7 +199,7 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
   for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
     PointTable<Dim>& table = chunk.table;
     table.nodes.clear();
-    for (const Index slot : of.slots) table.nodes.push_back(grids_[chunk.body].find(site_at(of, slot)));
+    for (const Index slot : of.slots) table.nodes.push_back(of_body(chunk.body).find(site_at(of, slot)));
     table.force.assign(4 * table.nodes.size(), 0.0);
     of.momentum.assign(4 * table.nodes.size(), 0.0);
     if (of.moved.cols() != of.count()) of.moved.setZero(Dim, of.count());

@@ -133,11 +133,15 @@ template <int Dim> class PointGrid {
   explicit PointGrid(const MpmOptions& options) : degree_(options.degree), cell_(options.cell) {
     for (int i = 0; i < Dim; ++i) origin_[i] = options.origin[static_cast<std::size_t>(i)];
   }
+  /// Bodies that are tied share a grid from now on. Throws InputError for a body that there is not.
+  void tie(const std::vector<std::pair<Index, Index>>& pairs, Index num_bodies);
   std::vector<Particles<Dim>> particles;  ///< by chunk
 
   double cell() const { return cell_; }
   int degree() const { return degree_; }
-  const SparseGrid<Dim>& of_body(Index body) const { return grids_[body]; }
+  const SparseGrid<Dim>& of_body(Index body) const { return grids_[first_tied_[body]]; }
+  /// By body; of bodies that share one the first has it.
+  const std::vector<SparseGrid<Dim>>& grids() const { return grids_; }
 
   /// Nodes where the particles are now. replaces: the world gets new nodes, at rest. Chunks whose points have drifted
   /// apart are split. Throws NumericalError for points that are nowhere, or further away than a grid can number.
@@ -187,6 +191,7 @@ template <int Dim> class PointGrid {
   int degree_;
   double cell_;
   Vec<Dim> origin_ = Vec<Dim>::Zero();
+  std::vector<Index> first_tied_;       ///< by body, the first one that it shares a grid with, maybe itself
   std::vector<SparseGrid<Dim>> grids_;  ///< by body
   Points<Dim> x_;                       ///< Dim x N, positions of the nodes
 };
