@@ -50,6 +50,7 @@
 #include "efree/dynamics/fracture/criteria.hpp"
 #include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/ledger.hpp"
+#include "efree/dynamics/mass_scaling.hpp"
 #include "efree/dynamics/masses.hpp"
 #include "efree/dynamics/options.hpp"
 #include "efree/dynamics/points.hpp"

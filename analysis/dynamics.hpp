@@ -116,6 +116,20 @@ template <int Dim> struct StaticStart {
   std::string where{};
 };
 
+/// A start from the state that an earlier run of the same bodies had at its end.
+struct StateStart {
+  std::string state{};      ///< as Dynamics::state of that run
+  bool velocities = true;   ///< whether bodies begin with its velocities, or at rest
+  std::string directory{};  ///< where its results are
+  std::string where{};
+};
+/// Cauchy stresses of a region at the start [stress].
+template <int Dim> struct InitialStress {
+  std::string region{};  ///< empty: all that have none of their own
+  std::function<Mat<3>(const Vec<Dim>&)> stress{};
+  std::string where{};
+};
+
 /// An analysis by explicit dynamics. Of common.model the material and the plane count; common.approximation counts for
 /// the total Lagrangian method.
 template <int Dim> struct DynamicsSettings {
@@ -140,7 +154,9 @@ template <int Dim> struct DynamicsSettings {
   GravityField<Dim> gravity_field{};               ///< instead, where it depends on the position; empty: none
   std::vector<InitialVelocity<Dim>> initial_velocities{};
   std::optional<StaticStart<Dim>> static_start{};
-  std::vector<RegionFracture> fractures{};  ///< at most one of a region
+  std::optional<StateStart> state_start{};
+  std::vector<InitialStress<Dim>> initial_stresses{};  ///< at most one of a region
+  std::vector<RegionFracture> fractures{};             ///< at most one of a region
   std::vector<WallSettings<Dim>> walls{};
   std::vector<RigidBodySettings<Dim>> rigid_bodies{};
   std::vector<BoundaryVelocity<Dim>> boundary_velocities{};
@@ -208,6 +224,10 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
 
 /// Error of the energy balance from which on there is a warning.
 inline constexpr double warned_imbalance = 0.01;
+/// Estimated error of forces by mass scaling (AddedInertia::error) from which on there is a warning.
+inline constexpr double warned_inertia = 0.05;
+/// Dynamics::imbalance of given stresses from which on there is a warning.
+inline constexpr double warned_stress_imbalance = 0.1;
 /// Share of clumped particles above which there is a warning.
 inline constexpr double warned_clumped = 0.015;
 /// Energy lost by reconnection, over the largest energy, from which on there is a warning.

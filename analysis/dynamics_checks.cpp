@@ -21,8 +21,7 @@ constexpr double plausible_speed = 10.0;
 
 }  // namespace
 
-template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const Points<Dim>& vertices) {
-  const double size = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
+template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const Points<Dim>& vertices, double allowed) {
   const auto check = [&](const RigidShape<Dim>& shape, const char* name, const std::string& where) {
     Index deepest = 0;
     double smallest = std::numeric_limits<double>::infinity();
@@ -31,7 +30,7 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const 
         smallest = gap;
         deepest = a;
       }
-    if (smallest < -1e-6 * size)
+    if (smallest < -allowed)
       throw InputError(said_at(where, fmt::format("bodies reach {} by {:.4g} at the start, at ({:.6g})", name,
                                                   -smallest, fmt::join(vertices.col(deepest), ", "))));
   };
@@ -62,11 +61,9 @@ template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, co
 template <int Dim> std::vector<std::string> warnings_of_speeds(const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const World<Dim>& world = dynamics.world();
-  std::vector<double> mass(dynamics.num_bodies()), volume(dynamics.num_bodies());
-  for (const auto& chunk : world.chunks) {
-    mass[chunk.body] += chunk.matter.mass.sum();
-    volume[chunk.body] += chunk.matter.volume.sum();
-  }
+  const std::vector<BodyMass> masses = dynamics.body_masses();
+  std::vector<double> volume(dynamics.num_bodies());
+  for (const auto& chunk : world.chunks) volume[chunk.body] += chunk.matter.volume.sum();
   std::vector<std::string> result;
   double rigid = 0.0;
   for (const RigidState<Dim>& body : dynamics.rigid_bodies()) rigid = std::max(rigid, body.velocity.norm());
@@ -77,7 +74,7 @@ template <int Dim> std::vector<std::string> warnings_of_speeds(const DynamicsMod
     const Index first = by_nodes ? dynamics.first_node(b) : dynamics.first_point(b),
                 end = by_nodes ? dynamics.first_node(b + 1) : dynamics.first_point(b + 1);
     const double own = std::sqrt(velocities.middleCols(first, end - first).colwise().squaredNorm().maxCoeff());
-    const double waves = std::sqrt(world.bodies[b].modulus * volume[b] / mass[b]), speed = std::max(own, rigid);
+    const double waves = std::sqrt(world.bodies[b].modulus * volume[b] / masses[b].real), speed = std::max(own, rigid);
     if (!(speed > plausible_speed * waves)) continue;
     const std::string& name = model.names[b];
     const bool is_own = own >= rigid;
@@ -92,7 +89,7 @@ template <int Dim> std::vector<std::string> warnings_of_speeds(const DynamicsMod
 }
 
 #define EFREE_INSTANTIATE(Dim)                                                           \
-  template void check_gaps(const DynamicsSettings<Dim>&, const Points<Dim>&);            \
+  template void check_gaps(const DynamicsSettings<Dim>&, const Points<Dim>&, double);    \
   template void check_overlaps(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&); \
   template std::vector<std::string> warnings_of_speeds(const DynamicsModel<Dim>&);
 EFREE_INSTANTIATE(2)

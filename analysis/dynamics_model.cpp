@@ -2,13 +2,13 @@
 /// From a geometry and settings to a model of explicit dynamics.
 #include "efree/analysis/dynamics.hpp"
 #include "efree/analysis/internal/dynamics_checks.hpp"
+#include "efree/analysis/internal/dynamics_start.hpp"
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/prepare_mesh.hpp"
 #include "efree/analysis/internal/region_body.hpp"
 #include "efree/analysis/internal/resolutions.hpp"
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
-#include "efree/core/internal/clock.hpp"
 #include "efree/core/memory.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/internal/extract_region.hpp"
@@ -290,6 +290,7 @@ template <int Dim> void check_regions(const FineMesh<Dim>& mesh, const DynamicsS
   };
   for (const auto& initial : settings.initial_velocities) check(initial.region, initial.where);
   for (const auto& fracture : settings.fractures) check(fracture.region, fracture.where);
+  for (const auto& stress : settings.initial_stresses) check(stress.region, stress.where);
   for (const auto& part : settings.boundary_velocities) located(settings.common, "", [&] { mesh.group(part.on); });
   for (const auto& load : settings.boundary_loads) located(settings.common, load.where, [&] { mesh.group(load.on); });
   for (const auto& gas : settings.gases) located(settings.common, gas.where, [&] { mesh.group(gas.on); });
@@ -458,36 +459,6 @@ std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const Dynami
   return total_lagrangian<Dim>();
 }
 
-/// A start from rest. Initial velocities then begin on top of it.
-template <int Dim>
-void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor, DynamicsModel<Dim>& model) {
-  if (!settings.static_start) return;
-  const Stage stage("rest", monitor);
-  Dynamics<Dim>& dynamics = model.dynamics;
-  const auto& [residual, most_steps, spin, where] = *settings.static_start;
-  if (!dynamics.nodes_persist())
-    throw InputError(said_at(where,
-                             "a start from rest needs nodes that stay with the material: take dynamics.method = "
-                             "\"otm\", or a [cloud], or mpm.frame = \"total\""));
-  const Points<Dim> initial = dynamics.velocities();
-  const internal::Stopwatch seconds;
-  double first = 0.0;
-  const auto look = [&, wanted = residual](double left) {
-    if (monitor.cancelled && monitor.cancelled()) throw Cancelled("rest");
-    if (seconds() > settings.time_limit)
-      throw NumericalError(
-          fmt::format("bodies are not at rest when the time limit of {:.6g} s is over: the residual is "
-                      "{:.3g}, expected {:.3g}",
-                      settings.time_limit, left, wanted));
-    if (!std::isfinite(left)) return;
-    if (first == 0.0) first = left;
-    stage.tick(std::clamp(std::log(left / first) / std::log(wanted / first), 0.0, 1.0));
-    if (monitor.detail) monitor.detail(fmt::format("residual {:.2g} of {:.2g}", left, wanted));
-  };
-  located(settings.common, where, [&] { dynamics.come_to_rest(residual, most_steps, spin, look); });
-  dynamics.set_velocities(initial + dynamics.velocities());
-}
-
 }  // namespace
 
 template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh,
@@ -511,17 +482,21 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
       .names = std::move(built.names),
       .initial_box = {},
       .point_sizes = Eigen::Map<const Vector>(built.point_sizes.data(), num_points)};
+  internal::begin_from_state(settings, built.regions, model);
+  internal::set_initial_stresses(settings, model);
   model.probes_points = settings.method == DynamicsMethod::mpm ||
                         (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::total);
   const Points<Dim> nodes = model.probes_points ? model.dynamics.points() : model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
-  internal::check_gaps(settings, mesh.mesh->vertices());
+  internal::check_gaps(settings, settings.state_start ? nodes : mesh.mesh->vertices(),
+                       internal::allowed_gap(settings, model));
   internal::check_overlaps(settings, model);
   internal::add_loads(settings, built.regions, model);
   add_warnings(mesh, settings, built.without_inner_nodes, model);
   set_up_probes(settings, model);
   check_times(settings, model.dynamics.stable_step());
-  come_to_rest(settings, monitor, model);
+  internal::report_start(settings, model);
+  internal::come_to_rest(settings, monitor, model);
   return model;
 }
 

@@ -6,6 +6,33 @@
 
 namespace efree {
 
+namespace {
+
+/// Of mass scaling; empty: there is none.
+template <int Dim> std::string warn_of_inertia(const DynamicsSettings<Dim>& settings, const Dynamics<Dim>& dynamics) {
+  const AddedInertia inertia = dynamics.added_inertia();
+  if (settings.options.mass_scaling.on() && inertia.empty())
+    return "Motion and forces may be wrong: the error by mass scaling is not known, as the run is shorter than three "
+           "times "
+           "that a wave takes through a body. Mass scaling is for quasi-static processes: leave it out in short ones";
+  const double error = inertia.error();
+  if (!(error > warned_inertia)) return {};
+  const std::string advice = fmt::format(
+      "Mass scaling is for quasi-static processes: take slower loads or less mass_scaling{}",
+      settings.gravity || settings.gravity_field
+          ? ", and none where bodies fall: under gravity they accelerate by its share of the mass that is real"
+          : ", and none where bodies fly, fall or vibrate");
+  if (error >= 1.0)
+    return fmt::format(
+        "Motion and forces are wrong: inertial forces of the added mass are up to {:.2g} times those of stresses. {}",
+        error, advice);
+  return fmt::format(
+      "Forces may be wrong by {:.2g} % of the largest, as much as the inertial forces of the added mass. {}",
+      100.0 * error, advice);
+}
+
+}  // namespace
+
 template <int Dim> std::vector<std::string> collect_warnings(const DynamicsSettings<Dim>& settings,
                                                              const DynamicsModel<Dim>& model,
                                                              const DynamicsOutcome& outcome) {
@@ -46,6 +73,8 @@ template <int Dim> std::vector<std::string> collect_warnings(const DynamicsSetti
         "particles are closer to another than half of their spacing. Try sph.artificial_stress = {{ strength = 0.5 }}, "
         "sph.frame = \"total\" where bodies do not meet or flow, or [mpm]",
         clumped, dynamics.num_points()));
+  if (std::string warning = warn_of_inertia(settings, dynamics); !warning.empty())
+    warnings.push_back(std::move(warning));
   if (settings.residual > 0.0 && !outcome.at_rest)
     warnings.push_back(
         fmt::format("Bodies are not at rest at the end: the residual is {:.2g}, more than relaxation.residual = "

@@ -219,7 +219,16 @@ class ImageRun final : public CaseRun {
 template <int Dim> class ExplicitRun final : public CaseRun {
  public:
   ExplicitRun(const DynamicsCase<Dim>& dynamics_case, const RunOptions& options)
-      : case_(dynamics_case), options_(options), record_(options.out, case_, !options.no_picture) {}
+      : case_(dynamics_case), options_(options), record_(options.out, case_, !options.no_picture) {
+    if (!case_.state_start) return;
+    std::error_code none;
+    if (std::filesystem::equivalent(case_.state_start->directory, options.out, none))
+      throw InputError(
+          fmt::format("{}: state is the directory of this run's results, {}, which would take the place of "
+                      "those of the earlier run: expected another --out",
+                      case_.state_start->where, options.out));
+    read_state_start(case_);
+  }
 
   const std::string& title() const override { return case_.common.title; }
   std::vector<std::string> stages() const override {
@@ -271,7 +280,7 @@ template <int Dim> class ExplicitRun final : public CaseRun {
   void remove_unfinished() override { record_.remove_unfinished(); }
 
  private:
-  const DynamicsCase<Dim>& case_;
+  DynamicsCase<Dim> case_;
   const RunOptions& options_;
   DynamicsRun<Dim> record_;
 };

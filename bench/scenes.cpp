@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // bench_scenes NAME ...: rows of explicit dynamics in scenes from practice, one or several of friction, compliance,
-// folding, rolling, seal, gas, noh, sedov, jet; `all` is all of these. Each prints what it measures beside its bar, and
-// the exit status is 1 where one is missed.
+// folding, rolling, seal, scaling, gas, noh, sedov, jet; `all` is all of these. Each prints what it measures beside its
+// bar, and the exit status is 1 where one is missed.
 
 #include "contact_scenes.hpp"
 #include "folding_scenes.hpp"
@@ -102,6 +102,34 @@ bool seal() {
   return good;
 }
 
+/// A block pressed with mass scaling: the stated error beside that of the force, over the largest force.
+bool scaling() {
+  bool good = true;
+  for (const bool is_metal : {false, true})
+    for (const bool is_smooth : {false, true}) {
+      const ScaledPressResult real = press_scaled({.is_metal = is_metal, .is_smooth = is_smooth});
+      const double peak = std::ranges::max(real.force);
+      for (const double factor : {10.0, 100.0, 1000.0}) {
+        const ScaledPressResult scaled =
+            press_scaled({.is_metal = is_metal, .is_smooth = is_smooth, .scaling = {.factor = factor}});
+        double largest = 0.0;
+        for (std::size_t k = 0; k < real.force.size(); ++k)
+          largest = std::max(largest, std::abs(scaled.force[k] - real.force[k]) / peak);
+        const std::string what =
+            fmt::format("{}, {}, factor {}: ", is_metal ? "metal" : "rubber", is_smooth ? "smooth" : "abrupt", factor);
+        good &= row("scaling", what + "steps / steps without",
+                    static_cast<double>(scaled.steps) / static_cast<double>(real.steps), 0.0, 1.3 / std::sqrt(factor));
+        row("scaling", what + "error of the largest force", std::ranges::max(scaled.force) / peak - 1.0, -1.0, 1.0);
+        row("scaling", what + "largest error / largest force", largest, 0.0, 1.0);
+        row("scaling", what + "stated error", scaled.stated, 0.0, 1.0);
+        // Contact chatters by some three hundredths of the force.
+        const double most = largest > 0.02 ? 3.0 : 20.0;
+        good &= row("scaling", what + "stated / largest error", scaled.stated / largest, 0.5, most);
+      }
+    }
+  return good;
+}
+
 /// Gas at rest: its pressure over twelve crossings of sound.
 bool gas() {
   bool good = true;
@@ -187,15 +215,11 @@ bool jet() {
   return good;
 }
 
-const Rows rows{{"friction", friction},
-                {"compliance", compliance},
-                {"folding", folding},
-                {"rolling", rolling},
-                {"seal", seal},
-                {"gas", gas},
-                {"noh", noh},
-                {"sedov", sedov},
-                {"jet", jet}};
+const Rows rows{{"friction", friction}, {"compliance", compliance},
+                {"folding", folding},   {"rolling", rolling},
+                {"seal", seal},         {"scaling", scaling},
+                {"gas", gas},           {"noh", noh},
+                {"sedov", sedov},       {"jet", jet}};
 
 }  // namespace
 }  // namespace efree

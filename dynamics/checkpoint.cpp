@@ -22,16 +22,16 @@ EFREE_FIELDS(EnergyWatch, start, scale, residual, largest_residual, beyond, begu
 EFREE_FIELDS(Deformation, X, F, history, dt, heat);
 EFREE_FIELDS(MaterialResponse, P, history, energy, A, tangent, dissipated);
 template <int Dim> EFREE_FIELDS(Support<Dim>, metric, gamma, moment, has_moments, stabilisation);
-template <int Dim> EFREE_FIELDS(Matter<Dim>, now, response, F_table, F_since, x, volume, mass, eroded, J_ratio, J,
-                                shock, modulus, stiffness_ratio, damage, crack_radius);
+template <int Dim> EFREE_FIELDS(Matter<Dim>, now, response, F_table, F_since, x, volume, mass, added_mass, eroded,
+                                J_ratio, J, shock, modulus, stiffness_ratio, damage, crack_radius);
 template <int Dim> EFREE_FIELDS(Chunk<Dim>, body, number, table, support, matter, patches, inverted, damping,
                                 compression_rate, stored, dissipated, viscous, lost, seconds);
 #undef EFREE_FIELDS
 
 // Without what is given again, found again, or filled by every step.
 template <int Dim> auto fields(Nodes<Dim>& of) {
-  auto& [x, v, force, x_rest, v_before, free, momentum, mass, spacing, radius, body, master] = of;
-  return std::tie(x, v, force, x_rest, momentum, mass, spacing, radius, body, master);
+  auto& [x, v, force, x_rest, v_before, free, momentum, mass, added_mass, spacing, radius, body, master] = of;
+  return std::tie(x, v, force, x_rest, momentum, mass, added_mass, spacing, radius, body, master);
 }
 template <int Dim> auto fields(PointTable<Dim>& of) {
   auto& [offsets, local, entries, nodes, x, force, origin] = of;
@@ -49,7 +49,8 @@ template <int Dim> auto fields(BodyState<Dim>& of) {
 template <int Dim> auto fields(World<Dim>& of) {
   return std::tie(of.nodes, of.bodies, of.first_node, of.first_point, of.chunks, of.place_of_point, of.prescribed,
                   of.gravity, of.time, of.last_step, of.stable_step, of.first_stable_step, of.steps, of.reconnections,
-                  of.surface_changes, of.num_eroded, of.new_supports, of.ledger, of.contacts);
+                  of.surface_changes, of.num_eroded, of.new_supports, of.ledger, of.contacts, of.steps_of_earlier_run,
+                  of.added_inertia);
 }
 
 template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
@@ -65,17 +66,22 @@ template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
   move_to_large_pages(tables);
 }
 template <int Dim> void internal::pack(World<Dim>& world, EnergyWatch& watch, Archive& archive) {
-  archive(world, watch);
-  if (!archive.reads()) return;
+  if (!archive.reads()) return archive(world, watch);
+  unpack_world(world, watch, archive);
   for (const auto& one : world.prescribed)
     if (one.law >= std::ssize(world.motion_laws))
       throw InputError("the state is of a run with other prescribed velocities");
+}
+template <int Dim> void internal::unpack_world(World<Dim>& world, EnergyWatch& watch, Archive& archive) {
+  archive(world, watch);
   for (Chunk<Dim>& chunk : world.chunks)
     for (auto* numbers : {&chunk.table.x, &chunk.table.force}) numbers->assign(4 * chunk.table.nodes.size(), 0.0);
 }
 
 template void internal::pack(World<2>&, EnergyWatch&, Archive&);
 template void internal::pack(World<3>&, EnergyWatch&, Archive&);
+template void internal::unpack_world(World<2>&, EnergyWatch&, Archive&);
+template void internal::unpack_world(World<3>&, EnergyWatch&, Archive&);
 template void internal::use_large_pages(const World<2>&);
 template void internal::use_large_pages(const World<3>&);
 

@@ -83,6 +83,9 @@ void require_options(const DynamicsOptions& options) {
   require(options.rest_from >= 0.0, "rest_from: expected a time of 0 or more");
   require(valid(options.shock.linear) && valid(options.shock.quadratic), "shock viscosity: expected 0 or more");
   require(valid(options.contact.friction), "contact: expected a friction of 0 or more");
+  require(options.mass_scaling.factor >= 1.0 && std::isfinite(options.mass_scaling.factor),
+          "mass_scaling: expected a factor of 1 or more");
+  require(valid(options.mass_scaling.step), "mass_scaling: expected a step of 0 or more");
   require(options.imbalance > 0.0, "imbalance: expected more than 0");
 }
 
@@ -179,6 +182,7 @@ template <int Dim> Chunk<Dim> make_chunk(const World<Dim>& world, const Deformab
   matter.volume = body.volumes(chunk.number);
   matter.mass = matter.volume * body.density;
   if (body.densities.size() != 0) matter.mass = matter.volume.cwiseProduct(body.densities(chunk.number));
+  matter.mass *= world.options.mass_scaling.factor;
   Points<3> X = Points<3>::Zero(3, n);
   X.template topRows<Dim>() = matter.x;
   matter.now = Deformation::none(std::move(X), body.material->history_size());

@@ -2,6 +2,7 @@
 #include "efree/dynamics/internal/driver.hpp"
 
 #include "efree/dynamics/contact/internal/surfaces.hpp"
+#include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/rest.hpp"
 #include "efree/dynamics/internal/world.hpp"
 #include "efree/dynamics/masses.hpp"
@@ -50,6 +51,7 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
     : scheme(std::move(given)) {
   require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
   construct(world, bodies, options);
+  identity = identify(bodies, scheme->name(), options);
   auto rigid_contact = std::make_unique<RigidContact<Dim>>(*scheme);
   auto gas = std::make_unique<Cavities<Dim>>();
   auto gravity_forces = std::make_unique<Gravity<Dim>>();
@@ -75,6 +77,8 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
   stable.begin(world);
   stable.update_stiffness_ratios(world);
   estimate_stable_step(first_products);
+  world.unscaled_step = world.stable_step / std::sqrt(options.mass_scaling.factor);
+  add_masses(world, *scheme, stable);
   world.first_stable_step = world.stable_step;
 }
 
@@ -91,6 +95,8 @@ template <int Dim> void Driver<Dim>::begin_ledger() {
 
 template <int Dim> void Driver<Dim>::begin_watch() {
   watch = {};
+  world.added_inertia = {};
+  if (world.options.mass_scaling.on()) inertia.begin(world);
   // Energies of bodies at rest are rounding: some 1e-17 of moduli times volumes.
   for (const auto& chunk : world.chunks) watch.scale += 1e-15 * chunk.matter.modulus.dot(chunk.matter.volume);
   // Those of bodies under pressure are differences of pressures times volumes, in every step.
@@ -100,6 +106,7 @@ template <int Dim> void Driver<Dim>::begin_watch() {
 
 template <int Dim> double Driver<Dim>::step(double at_most) {
   begin_supports();
+  if (std::exchange(lacks_walls, false)) add_forces_of_walls();
   if (!watch.begun) watch.look(balance().energies);
   if (world.steps == 0) estimate_first_damping(world);
   const double dt = choose_step(at_most);
@@ -116,8 +123,20 @@ template <int Dim> double Driver<Dim>::step(double at_most) {
   add_external_forces();
   break_points();
   if (++world.steps % between_checks == 0) inspect();
+  if (world.options.mass_scaling.on()) inertia.sample(world, world.added_inertia);
   estimate_stable_step(1, stable.is_due(world));
   return dt;
+}
+
+/// Of schemes that hold nodes off walls themselves: bodies may be in contact with these from the start on.
+template <int Dim> void Driver<Dim>::add_forces_of_walls() {
+  const bool has_tables = std::ranges::any_of(world.chunks, [](const auto& chunk) { return chunk.has_table(); });
+  if (world.walls.empty() || has_tables || !scheme->nodes_persist()) return;
+  scheme->resume(world);
+  assemble_internal_forces(world, *scheme, false);
+  scheme->refresh(world, stable);  // with the contacts that are known now
+  assemble_internal_forces(world, *scheme, false);
+  add_external_forces();
 }
 
 template <int Dim> void Driver<Dim>::begin_supports() {
@@ -221,7 +240,13 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
   }
   // What falls freely has the energy of its velocity now, whatever steps there were.
   const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
-  kinetic += 0.5 * nodes.mass.sum() * faster.squaredNorm();
+  double falling_mass = nodes.mass.sum();
+  if (world.options.mass_scaling.on()) {
+    falling_mass = 0.0;
+    for (Index a = 0; a < nodes.size(); ++a)
+      if (nodes.mass[a] > 0.0) falling_mass += std::pow(world.real_mass(a), 2) / nodes.mass[a];
+  }
+  kinetic += 0.5 * falling_mass * faster.squaredNorm();
   Ledger& energies = result.energies;
   energies.add_energy("kinetic", EnergyKind::kinetic, kinetic);
   for (const double energy : stabilisation_energies(world))
@@ -248,10 +273,11 @@ template <int Dim> void Driver<Dim>::estimate_stable_step(Index most_products, b
 }
 
 template <int Dim> void Driver<Dim>::pack(Archive& archive) {
-  std::string name = scheme->name();
-  archive(name);
-  require(name == scheme->name(), "the state is one of another scheme");
+  StateIdentity of = identity;
+  archive(of);
+  require(of.scheme == identity.scheme, "the state is one of another scheme");
   internal::pack(world, watch, archive);
+  inertia.pack(archive);
   stable.pack(archive);
   scheme->pack(archive);
   for (const auto& interaction : world.interactions) interaction->pack(archive);

@@ -3,6 +3,7 @@
 
 #include "efree/dynamics/contact/internal/surfaces.hpp"
 #include "efree/dynamics/internal/driver.hpp"
+#include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/rest.hpp"
 #include "efree/dynamics/internal/world.hpp"
 #include "efree/dynamics/masses.hpp"
@@ -142,7 +143,7 @@ template <int Dim> void Dynamics<Dim>::set_gravity(const Vec<Dim>& acceleration)
     throw InputError(fmt::format(
         "gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone", acceleration[0]));
   if (world.gravity_field) parts_->gravity->set_field(world, {});
-  world.nodes.force += (acceleration - world.gravity) * world.nodes.mass.transpose();
+  world.nodes.force += (acceleration - world.gravity) * world.real_masses().transpose();
   world.gravity = acceleration;
   world.gravity_law = {};
   parts_->watch.begun = false;
@@ -233,7 +234,7 @@ template <int Dim> double Dynamics<Dim>::step(double at_most) {
 template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_steps, const Spin<Dim>& spin,
                                                     const std::function<void(double)>& look) {
   World<Dim>& world = parts_->world;
-  require(world.steps == 0 && residual > 0.0, "come_to_rest: expected a positive residual, before the first step");
+  require(steps() == 0 && residual > 0.0, "come_to_rest: expected a positive residual, before the first step");
   const double rest_from = std::exchange(world.options.rest_from, 0.0);
   set_velocities(Points<Dim>::Zero(Dim, num_nodes()));
   world.stands_still = true;
@@ -254,7 +255,7 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
   }
   world.stands_still = false;
   world.options.rest_from = rest_from;
-  world.steps = 0;
+  world.steps = world.steps_of_earlier_run = 0;
   world.last_step = 0.0;
   Points<Dim> velocities(Dim, num_nodes());
   for (Index a = 0; a < num_nodes(); ++a) velocities.col(a) = rotation_velocity<Dim>(spin, world.nodes.x.col(a));
@@ -268,12 +269,34 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
 
 template <int Dim> void Dynamics<Dim>::set_velocities(const Points<Dim>& velocities) {
   World<Dim>& world = parts_->world;
-  require(world.steps == 0 && velocities.cols() == num_nodes(),
+  require(steps() == 0 && velocities.cols() == num_nodes(),
           "set_velocities: expected those of all nodes, before the first step");
   world.nodes.v = velocities;
   for (const auto& one : world.prescribed) world.nodes.v(one.axis, one.node) = one.velocity;
   find_momenta(world);
   parts_->begin_watch();
+}
+
+template <int Dim>
+void Dynamics<Dim>::begin_from(std::string_view state, bool velocities, const std::vector<std::string>& names) {
+  const World<Dim>& world = parts_->world;
+  require(world.steps == 0 && world.walls.empty() && world.prescribed.empty() && world.prescribed_points.empty(),
+          "begin_from: expected a run without walls, supports and steps");
+  parts_->begin_from(state, velocities, names);
+}
+template <int Dim>
+void Dynamics<Dim>::set_stresses(const std::function<std::optional<Mat<3>>(Index body, const Vec<Dim>& x)>& stress) {
+  require(stress != nullptr && steps() == 0, "set_stresses: expected stresses, before the first step");
+  parts_->set_stresses(stress);
+}
+template <int Dim> double Dynamics<Dim>::imbalance(const std::vector<Index>& in_contact) const {
+  return internal::imbalance(world(), in_contact);
+}
+template <int Dim> std::vector<BodyMass> Dynamics<Dim>::body_masses() const {
+  return internal::body_masses(world());
+}
+template <int Dim> AddedInertia Dynamics<Dim>::added_inertia() const {
+  return world().added_inertia;
 }
 
 template <int Dim> void Dynamics<Dim>::run(double until) {

@@ -94,6 +94,21 @@ template <int Dim> class Dynamics {
                     const std::function<void(double)>& look = {});
   /// Sets velocities of nodes (Dim x N) before the first step, such as initial ones after come_to_rest.
   void set_velocities(const Points<Dim>& velocities);
+  /// Before walls, rigid bodies, loads and supports are added: positions, deformations, stresses, histories and, with
+  /// `velocities`, velocities become those of a run with these bodies and this scheme, whose state() this is. Time,
+  /// steps and energies begin with 0, and what the bodies have stored is there at the start. Masses are those of this
+  /// run's mass scaling. Throws InputError for another scheme, plane or number of bodies, for other nodes, points or
+  /// materials, and for bytes that are damaged; it names bodies by `names`, if there are any.
+  void begin_from(std::string_view state, bool velocities = true, const std::vector<std::string>& names = {});
+  /// Before the first step: points get the elastic deformation, without rotation, that bears this Cauchy stress, by
+  /// body and position; without a value they stay as they are. Positions and masses stay, and so do volumes: those of
+  /// the reference configuration are these over J. Points of a pressure patch share its mean pressure. Throws
+  /// InputError, with place and stress, where a material does not bear it, or flows.
+  void set_stresses(const std::function<std::optional<Mat<3>>(Index body, const Vec<Dim>& x)>& stress);
+  /// How far bodies at rest are from equilibrium: the largest force on a node that is free, over the largest of
+  /// stresses, of each point without regard to its neighbours; or the sum of the former over the weight if that is
+  /// larger. Nodes `in_contact` bear forces of contact, too, and are left out.
+  double imbalance(const std::vector<Index>& in_contact = {}) const;
   /// The most that a step may be where so much time is left: the last two steps share the rest, so that none is tiny.
   double step_towards(double left) const {
     return left > stable_step() && left < 2.0 * stable_step() ? 0.5 * left : left;
@@ -107,7 +122,7 @@ template <int Dim> class Dynamics {
   void restore(std::string_view state);
 
   double time() const { return world().time; }
-  Index steps() const { return world().steps; }
+  Index steps() const { return world().steps - world().steps_of_earlier_run; }
   double stable_step() const { return world().stable_step; }  ///< the next one's bound
   std::string scheme() const;                                 ///< its name
   bool nodes_persist() const;  ///< whether nodes stay with the material (Scheme::nodes_persist)
@@ -123,6 +138,10 @@ template <int Dim> class Dynamics {
   /// stresses, of each point without regard to its neighbours; or the root of the kinetic over the stored energy if
   /// that is larger. Infinity before the first step and where all velocities are zero.
   double residual() const;
+  /// By body: masses with those of mass scaling apart.
+  std::vector<BodyMass> body_masses() const;
+  /// Of mass scaling so far; empty in runs of fewer than three times that a wave takes through a body.
+  AddedInertia added_inertia() const;
   EnergyBalance<Dim> balance() const;
   EnergyWatch energy() const;  ///< now, and at its worst so far; from the first step on
   /// Counts and times so far, by name.

@@ -43,13 +43,18 @@ template <int Dim> void add_field(World<Dim>& world, Points<Dim>& forces) {
   Points<Dim> field = Points<Dim>::Zero(Dim, nodes.size());
   for (Index a = 0; a < nodes.size(); ++a)
     if (nodes.mass[a] > 0.0) field.col(a) = world.field_at(nodes.x.col(a), world.time);
-  forces = field * nodes.mass.asDiagonal();
+  forces = field * world.real_masses().asDiagonal();
   const ConsistentMass<Dim>& consistent = world.consistent_mass;
+  // Symmetric, so that the forces sum up to the field times the masses.
+  const auto real = [&](Index a, Index b) {
+    if (!world.options.mass_scaling.on()) return 1.0;
+    return 0.5 * (world.real_mass(a) / nodes.mass[a] + world.real_mass(b) / nodes.mass[b]);
+  };
   if (consistent.any())
     parallel_for(nodes.size(), [&](Index a) {
       if (consistent.terms[nodes.body[a]] == 1) return;
       for (SparseRows::InnerIterator entry(consistent.coupling, a); entry; ++entry)
-        forces.col(a) += entry.value() * (field.col(entry.col()) - field.col(a));
+        forces.col(a) += real(a, entry.col()) * entry.value() * (field.col(entry.col()) - field.col(a));
     });
   nodes.force += forces;
 }
@@ -115,16 +120,16 @@ template <int Dim> void Gravity<Dim>::add_forces(World<Dim>& world) {
     throw InputError(fmt::format(
         "gravity of {:.6g} along the radius of an axisymmetric section, expected one along y alone", world.gravity[0]));
   Nodes<Dim>& nodes = world.nodes;
-  if (!world.gravity.isZero(0.0)) nodes.force += world.gravity * nodes.mass.transpose();
+  if (!world.gravity.isZero(0.0)) nodes.force += world.gravity * world.real_masses().transpose();
   if (world.gravity_field) add_field(world, by_field_);
   if (world.frame_spin.isZero(0.0)) return;
-  for (Index a = 0; a < nodes.size(); ++a) nodes.force.col(a) += nodes.mass[a] * centrifugal(world, nodes.x, a);
+  for (Index a = 0; a < nodes.size(); ++a) nodes.force.col(a) += world.real_mass(a) * centrifugal(world, nodes.x, a);
 }
 
 template <int Dim> void Gravity<Dim>::finish_kick(World<Dim>& world, double /*kick*/, double dt) {
   const Nodes<Dim>& nodes = world.nodes;
   if (const Vec<Dim> mean = world.mean_gravity(dt); !mean.isZero(0.0))
-    world.ledger.add_energy("gravity", EnergyKind::work, dt * mean.dot(nodes.v * nodes.mass));
+    world.ledger.add_energy("gravity", EnergyKind::work, dt * mean.dot(nodes.v * world.real_masses()));
   // The force at a time works along half of the way before and half of the way after.
   if (world.gravity_field && by_field_.cols() == nodes.size())
     world.ledger.add_energy("gravity", EnergyKind::work,
@@ -134,7 +139,7 @@ template <int Dim> void Gravity<Dim>::finish_kick(World<Dim>& world, double /*ki
   const Points<Dim> middle = nodes.x + 0.5 * dt * nodes.v;
   double work = 0.0;
   for (Index a = 0; a < nodes.size(); ++a)
-    work += dt * nodes.mass[a] * centrifugal(world, middle, a).dot(nodes.v.col(a));
+    work += dt * world.real_mass(a) * centrifugal(world, middle, a).dot(nodes.v.col(a));
   world.ledger.add_energy("gravity", EnergyKind::work, work);
 }
 

@@ -14,6 +14,14 @@ template <int Dim> void sum_lumped_masses(World<Dim>& world) {
       for (const auto& [a, entry] : chunk.table.row(p)) world.nodes.mass[a] += chunk.matter.mass[p] * entry.N;
 }
 
+template <int Dim> void sum_added_masses(World<Dim>& world) {
+  world.nodes.added_mass.setZero(world.nodes.size());
+  for (const auto& chunk : world.chunks)
+    for (Index p = 0; p < chunk.size(); ++p)
+      for (const auto& [a, entry] : chunk.table.row(p))
+        world.nodes.added_mass[a] += chunk.matter.added_mass[p] * entry.N;
+}
+
 template <int Dim> void require_masses(const World<Dim>& world) {
   for (Index b = 0; b < world.num_bodies(); ++b)
     for (const Index a : world.nodes_of(b))
@@ -78,6 +86,7 @@ template <int Dim> void find_momenta(World<Dim>& world) {
 
 #define EFREE_INSTANTIATE(Dim)                                                        \
   template void sum_lumped_masses(World<Dim>&);                                       \
+  template void sum_added_masses(World<Dim>&);                                        \
   template void require_masses(const World<Dim>&);                                    \
   template void find_velocities(const World<Dim>&, const Points<Dim>&, Points<Dim>&); \
   template Points<Dim> velocities_of(const World<Dim>&, const Points<Dim>&);          \

@@ -8,6 +8,8 @@ namespace efree {
 
 /// nodes.mass = sum of N_a times the masses of the points. Cost: once through all tables.
 template <int Dim> void sum_lumped_masses(World<Dim>& world);
+/// Likewise nodes.added_mass, of the added masses of the points.
+template <int Dim> void sum_added_masses(World<Dim>& world);
 /// Throws NumericalError for nodes without mass.
 template <int Dim> void require_masses(const World<Dim>& world);
 /// Dim x N, velocities by impulses on the nodes: over lumped masses; with consistent ones M by the first terms of

@@ -26,6 +26,18 @@ struct ContactOptions {
   double friction = 0.0;  ///< Coulomb's coefficient
 };
 
+/// Mass added to deformable bodies so that steps are longer, for quasi-static processes. Inertia has the added mass;
+/// gravity and centrifugal forces of a static start act on the real one. Free motion is wrong: under gravity g a body
+/// falls by g over `factor`.
+struct MassScaling {
+  double factor = 1.0;  ///< of all masses, at least 1: steps are longer by its root
+  /// Stable step that is wanted: in addition, mass is added to the points whose bound on the stable step is below it at
+  /// the start. 0: none. Schemes whose nodes persist.
+  double step = 0.0;
+  bool on() const { return factor != 1.0 || step > 0.0; }
+  bool operator==(const MassScaling&) const = default;
+};
+
 struct DynamicsOptions {
   Plane plane = Plane::strain;  ///< strain or axisymmetric; of no meaning in space
   /// Whether nodes of bodies at exactly the same place are one node, as where regions of a mesh share facets. Not with
@@ -40,6 +52,7 @@ struct DynamicsOptions {
   /// every 64 steps, eight times in a row: while there is little energy it may swing.
   double imbalance = 0.1;
   ShockViscosity shock{};
+  MassScaling mass_scaling{};
   ContactOptions contact{};
 };
 

@@ -177,9 +177,14 @@ template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& 
   world.ledger.add_count("point updates", world.num_points());
 }
 
-template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme) {
+template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, bool moved) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk) {
-    if (scheme.nodes_persist() && chunk.has_table()) update_positions(world, chunk);
+    if (scheme.nodes_persist() && chunk.has_table()) {
+      if (moved)
+        update_positions(world, chunk);
+      else
+        interpolate(world, chunk, world.nodes.x);  // zero-energy modes are by the table's positions
+    }
     scatter_stresses(world, scheme, chunk);
   });
   scheme.collect_forces(world);
@@ -320,7 +325,7 @@ template <int Dim> double smallest_width(const Mat<Dim>& moment) {
   template void update_position(const World<Dim>&, Chunk<Dim>&, Index);                                                \
   template void update_position_again(const World<Dim>&, Chunk<Dim>&, Index);                                          \
   template void compute_internal_forces(World<Dim>&, Scheme<Dim>&, double);                                            \
-  template void assemble_internal_forces(World<Dim>&, Scheme<Dim>&);                                                   \
+  template void assemble_internal_forces(World<Dim>&, Scheme<Dim>&, bool);                                             \
   template void share_patch_pressures(Chunk<Dim>&);                                                                    \
   template void scatter_stresses(const World<Dim>&, Chunk<Dim>&, const std::vector<Mat<3>>&);                          \
   template void collect_forces(const World<Dim>&, Points<Dim>&, const std::vector<char>&);                             \

@@ -27,8 +27,9 @@ template <int Dim> void update_positions(const World<Dim>& world, Chunk<Dim>& ch
 /// Kinematics, material response and internal forces of all chunks where the nodes are now, dt after the last time;
 /// nodes.force are these forces. Throws NumericalError where points are inverted or the material has no answer.
 template <int Dim> void compute_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, double dt);
-/// The internal forces of the stresses that points have now.
-template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme);
+/// The internal forces of the stresses that points have now. moved: nodes have moved since these were computed, or
+/// tables have changed.
+template <int Dim> void assemble_internal_forces(World<Dim>& world, Scheme<Dim>& scheme, bool moved = true);
 /// Kirchhoff stresses in the columns of a chunk: points of a pressure patch share the work of its dilatation.
 template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk);
 /// Positions and deformation gradients of the points of a chunk by a table and where its nodes are, as

@@ -43,12 +43,12 @@ template <int Dim> std::unique_ptr<Interaction<Dim>> damping() {
   return std::make_unique<Damping<Dim>>();
 }
 
-template <int Dim> double residual(const World<Dim>& world, double kick) {
-  const Nodes<Dim>& nodes = world.nodes;
-  if (!(kick > 0.0) || nodes.v.isZero(0.0)) return std::numeric_limits<double>::infinity();  // or just stopped
-  const Points<Dim> change = nodes.free.cwiseProduct(nodes.v - nodes.v_before);
-  const double net = (change * nodes.mass.asDiagonal()).norm() / kick;
-  Vector forces = Vector::Zero(nodes.size());
+namespace {
+
+/// N, forces of stresses on nodes, of each point without regard to its neighbours, and the square of those of points
+/// without a table.
+template <int Dim> std::pair<Vector, double> stress_forces(const World<Dim>& world) {
+  Vector forces = Vector::Zero(world.nodes.size());
   // Of points without a table, squared: stresses on the sides of a square (cube) of their volume.
   double of_points = 0.0;
   for (const auto& chunk : world.chunks) {
@@ -62,15 +62,41 @@ template <int Dim> double residual(const World<Dim>& world, double kick) {
         forces[a] += chunk.matter.volume[p] * chunk.matter.response.P.col(p).norm() *
                      Eigen::Map<const Vec<Dim>>(entry.dN).norm();
   }
+  return {std::move(forces), of_points};
+}
+
+}  // namespace
+
+template <int Dim> double residual(const World<Dim>& world, double kick) {
+  const Nodes<Dim>& nodes = world.nodes;
+  if (!(kick > 0.0) || nodes.v.isZero(0.0)) return std::numeric_limits<double>::infinity();  // or just stopped
+  const Points<Dim> change = nodes.free.cwiseProduct(nodes.v - nodes.v_before);
+  const double net = (change * nodes.mass.asDiagonal()).norm() / kick;
   double stored = 0.0;
   for (const auto& chunk : world.chunks) stored += chunk.stored;
   const double kinetic = 0.5 * nodes.mass.dot(nodes.v.cwiseProduct(nodes.free).colwise().squaredNorm());
+  const auto [forces, of_points] = stress_forces(world);
   const double all = of_points > 0.0 ? std::sqrt(forces.squaredNorm() + of_points) : forces.norm();
   return std::max(net / all, std::sqrt(kinetic / stored));
 }
 
+template <int Dim> double imbalance(const World<Dim>& world, const std::vector<Index>& in_contact) {
+  Points<Dim> net = world.nodes.force;
+  for (const auto& one : world.prescribed) net(one.axis, one.node) = 0.0;
+  for (const Index a : in_contact) net.col(a).setZero();
+  double weight = 0.0;
+  for (Index a = 0; a < world.nodes.size(); ++a)
+    if (world.nodes.mass[a] > 0.0)
+      weight += world.real_mass(a) * (world.gravity + world.field_at(world.nodes.x.col(a), world.time)).norm();
+  const double largest = stress_forces(world).first.maxCoeff();
+  const double at_node = largest > 0.0 ? std::sqrt(net.colwise().squaredNorm().maxCoeff()) / largest : 0.0;
+  return std::max(at_node, weight > 0.0 ? net.rowwise().sum().norm() / weight : 0.0);
+}
+
 template std::unique_ptr<Interaction<2>> damping<2>();
 template std::unique_ptr<Interaction<3>> damping<3>();
+template double imbalance(const World<2>&, const std::vector<Index>&);
+template double imbalance(const World<3>&, const std::vector<Index>&);
 template double residual(const World<2>&, double);
 template double residual(const World<3>&, double);
 

@@ -11,6 +11,13 @@
 
 namespace efree {
 
+template <int Dim> void Scheme<Dim>::find_masses(World<Dim>&) {
+  throw InputError(fmt::format(
+      "the method {} takes mass scaling by a factor alone, the same as in an earlier run whose state it starts from: "
+      "expected no step",
+      name()));
+}
+
 template <int Dim> StrainBounds Scheme<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   return deform_by_table(world, chunk, chunk.table, world.nodes.x, least);
 }

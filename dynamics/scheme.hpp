@@ -35,6 +35,11 @@ template <int Dim> class Scheme {
 
   /// First tables, node masses and what else it keeps. The world has the nodes, points and velocities of the bodies.
   virtual void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) = 0;
+  /// World::nodes.mass, and what else depends on the masses of the points, after these have changed. Throws InputError
+  /// by schemes whose nodes do not persist.
+  virtual void find_masses(World<Dim>& world);
+  /// Velocities become zero, where others than the nodes have them.
+  virtual void stop(World<Dim>&) {}
   /// After the nodes have moved and before forces: tables that are due, and nodes that come or go.
   virtual void refresh(World<Dim>&, internal::StableStep<Dim>&) {}
   /// Positions and deformation gradients of the points of a chunk where the nodes are now, as

@@ -39,11 +39,11 @@ template <int Dim> void gather(PointTable<Dim>& table, const std::vector<Index>&
 }
 
 template <int Dim> void gather(Matter<Dim>& matter, const std::vector<Index>& from) {
-  auto& [now, response, F_table, F_since, x, volume, mass, eroded, J_ratio, J, shock, modulus, stiffness_ratio, damage,
-         crack_radius] = matter;
+  auto& [now, response, F_table, F_since, x, volume, mass, added_mass, eroded, J_ratio, J, shock, modulus,
+         stiffness_ratio, damage, crack_radius] = matter;
   const auto gather_all = [&](auto&... values) { (gather(values, from), ...); };
   gather_all(now.X, now.F, now.history, now.heat, response.P, response.history, response.energy, response.A);
-  gather_all(response.dissipated, F_table, F_since, x, volume, mass, eroded, J_ratio, J, shock, modulus);
+  gather_all(response.dissipated, F_table, F_since, x, volume, mass, added_mass, eroded, J_ratio, J, shock, modulus);
   gather_all(stiffness_ratio, damage, crack_radius);
 }
 
@@ -232,6 +232,7 @@ void World<Dim>::insert_nodes(Index body, const Points<Dim>& at, const Points<Di
   insert(nodes.spacing, first, spacing);
   insert(nodes.radius, first, Vector(Vector::Zero(count)));
   insert(nodes.mass, first, Vector(Vector::Zero(count)));
+  insert(nodes.added_mass, first, Vector(Vector::Zero(count)));
   for (Index& master : nodes.master) shift_node(master, first, count);
   nodes.master.insert(nodes.master.begin() + first, count, -1);
   nodes.body.insert(nodes.body.begin() + first, count, body);

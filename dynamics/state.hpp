@@ -9,6 +9,7 @@
 #include "efree/dynamics/contact/contact_sums.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/ledger.hpp"
+#include "efree/dynamics/mass_scaling.hpp"
 #include "efree/dynamics/options.hpp"
 
 #include <algorithm>
@@ -37,6 +38,7 @@ template <int Dim> struct Nodes {
   Points<Dim> free;           ///< 0 along axes with prescribed velocity, else 1
   Points<Dim> momentum;       ///< where masses are not lumped; empty: mass times v
   Vector mass;                ///< N, lumped; 0: the node follows another
+  Vector added_mass;          ///< N, part of it that MassScaling::step adds; empty: none
   Vector spacing;             ///< N, mean distance of the nodes around it at the start
   Vector radius;              ///< N, how far walls stay away from it [length]; empty: 0
   std::vector<Index> body;    ///< N
@@ -128,6 +130,7 @@ template <int Dim> struct Matter {
   std::vector<Mat<3>> F_since;  ///< the deformation gradient since then: F = F_since F_table
   Points<Dim> x;                ///< positions
   Vector volume, mass;          ///< in the reference configuration; the volume of eroded points is 0
+  Vector added_mass;            ///< part of the mass that MassScaling::step adds; empty: none
   std::vector<char> eroded;     ///< 1: bears no stress any more
   Vector J_ratio;               ///< J over that of the pressure patch
   Vector J;                     ///< of the pressure patch, a step ago
@@ -138,6 +141,8 @@ template <int Dim> struct Matter {
   Vector crack_radius;          ///< of the ball whose energy is released with the point's
 
   Index size() const { return now.size(); }
+  /// Mass of a point without the part that MassScaling::step adds.
+  double own_mass(Index p) const { return added_mass.size() == 0 ? mass[p] : mass[p] - added_mass[p]; }
 };
 
 /// Some hundred material points of a body that lie together, with the nodes in their table: what one thread works on at
@@ -283,8 +288,10 @@ template <int Dim> struct World {
   std::vector<std::unique_ptr<Interaction<Dim>>> interactions;
   double time = 0.0, last_step = 0.0;
   double stable_step = 0.0, first_stable_step = 0.0;
+  double unscaled_step = 0.0;  ///< stable step of the bodies as they are given, without mass scaling
   Index steps = 0;
-  bool stands_still = false;  ///< prescribed motions of nodes and rigid bodies are none: bodies come to rest first
+  Index steps_of_earlier_run = 0;  ///< of these steps, those of the run whose state this one started from
+  bool stands_still = false;       ///< prescribed motions of nodes and rigid bodies are none: bodies come to rest first
   Spin<Dim> frame_spin = Spin<Dim>::Zero();  ///< then: of a frame about the origin whose centrifugal forces act
   std::int64_t reconnections = 0;            ///< tables of points computed again
   Index surface_changes = 0;                 ///< times that nodes or cells of surfaces changed
@@ -293,6 +300,7 @@ template <int Dim> struct World {
   bool new_supports = false;  ///< velocities were prescribed since the last step
   Ledger ledger;
   ContactSums<Dim> contacts;
+  AddedInertia added_inertia;  ///< of mass scaling
 
   World();
   World(const World&) = delete;
@@ -321,6 +329,17 @@ template <int Dim> struct World {
   }
   /// The force per mass at a position at a time, of gravity_field alone. Throws InputError where it is not finite.
   Vec<Dim> field_at(const Vec<Dim>& x, double time) const;
+  /// Mass of a node without mass scaling, on which gravity acts.
+  double real_mass(Index node) const {
+    const double added = nodes.added_mass.size() == 0 ? 0.0 : nodes.added_mass[node];
+    return (nodes.mass[node] - added) / options.mass_scaling.factor;
+  }
+  /// N, likewise of all nodes.
+  Vector real_masses() const {
+    if (!options.mass_scaling.on()) return nodes.mass;
+    const Vector own = nodes.added_mass.size() == 0 ? nodes.mass : Vector(nodes.mass - nodes.added_mass);
+    return own / options.mass_scaling.factor;
+  }
   bool axisymmetric() const { return Dim == 2 && options.plane == Plane::axisymmetric; }
   /// Length of the body out of the plane at a radius: of the full revolution, or one.
   double out_of_plane(double radius) const { return axisymmetric() ? 2.0 * std::numbers::pi * radius : 1.0; }

@@ -17,7 +17,7 @@ template <int Dim> Vector tension_energies(const World<Dim>& world) {
     if (!(world.bodies[chunk.body].fracture.toughness > 0.0)) return;
     for (Index p = 0; p < chunk.size(); ++p)
       if (!chunk.is_eroded(p) && matter.response.P.col(p).dot(matter.now.F.col(p)) > 0.0)
-        result[world.point_number(chunk, p)] = matter.mass[p] * matter.response.energy[p];
+        result[world.point_number(chunk, p)] = matter.own_mass(p) * matter.response.energy[p];
   });
   return result;
 }
@@ -101,7 +101,7 @@ template <int Dim> void Fracture<Dim>::find_balls(const World<Dim>& world) {
     offsets_.push_back(static_cast<Index>(balls_.size()));
     for (const Index q : found[p]) {
       const auto [chunk, k] = world.locate(q);
-      mass_[static_cast<Index>(p)] += chunk.matter.mass[k];
+      mass_[static_cast<Index>(p)] += chunk.matter.own_mass(k);
     }
   }
 }

@@ -4,7 +4,10 @@
 
 #include "efree/dynamics/contact/internal/rigid_contact.hpp"
 #include "efree/dynamics/fracture/internal/fracture.hpp"
+#include "efree/dynamics/internal/earlier_state.hpp"
+#include "efree/dynamics/internal/initial_stress.hpp"
 #include "efree/dynamics/internal/loads.hpp"
+#include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/stable_step.hpp"
 
 #include <memory>
@@ -19,6 +22,9 @@ template <int Dim> struct Driver {
   StableStep<Dim> stable;
   Fracture<Dim> fracture;
   EnergyWatch watch;
+  StateIdentity identity;              ///< of the bodies at the start
+  InertiaSampling<Dim> inertia;        ///< of mass scaling
+  bool lacks_walls = false;            ///< forces are of a start before walls were added
   double last_kick = 0.0;              ///< of the last step; 0: there is none
   RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next
   Cavities<Dim>* cavities = nullptr;
@@ -31,6 +37,7 @@ template <int Dim> struct Driver {
   void begin_watch();           ///< of the energy balance, from what it is next on
   double step(double at_most);  ///< as Dynamics::step
   void begin_supports();        ///< after velocities were prescribed
+  void add_forces_of_walls();   ///< after such a start
   double choose_step(double at_most);
   void advance_nodes(double kick, double dt);  ///< nodes get their impulses, and move
   void add_external_forces();
@@ -40,6 +47,9 @@ template <int Dim> struct Driver {
   EnergyBalance<Dim> balance() const;
   void estimate_stable_step(Index most_products, bool is_due = true);
   void pack(Archive& archive);
+  /// As Dynamics::begin_from.
+  void begin_from(std::string_view state, bool velocities, const std::vector<std::string>& names);
+  void set_stresses(const InitialStressField<Dim>& stress);  ///< as Dynamics::set_stresses
 };
 
 }  // namespace efree::internal

@@ -11,5 +11,7 @@ template <int Dim> std::unique_ptr<Interaction<Dim>> damping();
 
 /// Dynamics::residual; kick: how long the forces of the last step acted on velocities.
 template <int Dim> double residual(const World<Dim>& world, double kick);
+/// Dynamics::imbalance.
+template <int Dim> double imbalance(const World<Dim>& world, const std::vector<Index>& in_contact);
 
 }  // namespace efree::internal

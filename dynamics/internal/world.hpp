@@ -15,6 +15,8 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
 template <int Dim> void use_large_pages(const World<Dim>& world);
 /// What of the world changes in a run.
 template <int Dim> void pack(World<Dim>& world, EnergyWatch& watch, Archive& archive);
+/// Reads that, of a run with any prescribed velocities.
+template <int Dim> void unpack_world(World<Dim>& world, EnergyWatch& watch, Archive& archive);
 
 /// Ties bodies (DynamicsOptions::tied): of nodes at exactly the same place those of later bodies follow that of the
 /// first, which gets their masses and momenta. Tables have the first in their place. Returns how many follow. Throws

@@ -20,7 +20,7 @@ namespace efree {
 struct CaseMark {
   std::uint64_t what = 0;  ///< all that the case file says, and its files, but for the steps
   /// The steps. Static: of [time] all but `end` and `output`; `end` where loads are expressions of t. Dynamics: 0, and
-  /// `what` is without [time] and [output].
+  /// `what` is without [time] but for mass_scaling, and without [output].
   std::uint64_t how = 0;
 
   bool operator==(const CaseMark&) const = default;
@@ -40,6 +40,11 @@ template <int Dim> struct DynamicsCase : DynamicsSettings<Dim> {
   std::vector<PictureOptions> pictures{};  ///< of every frame, instead of one; none: that one
   std::string animation{};                 ///< of the pictures: "webm", "mp4", "gif"; empty: none
 };
+
+/// Name of the file in which a run of explicit dynamics leaves its state.
+inline constexpr const char* dynamics_state_name = "dynamics.state";
+/// That file in a directory: of the run that ended there, else of the one that was stopped; an empty path: none.
+std::filesystem::path find_dynamics_state(const std::filesystem::path& directory);
 
 /// Effective properties of an image in space, which nothing but `efree inspect` meshes, or of a unit cell.
 template <int Dim> struct EffectiveCase : EffectiveSettings<Dim> { MeshSource<Dim> geometry; };

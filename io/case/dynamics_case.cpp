@@ -8,6 +8,7 @@
 #include "efree/io/case/internal/material_reader.hpp"
 #include "efree/io/case/internal/picture_reader.hpp"
 #include "efree/io/case/internal/rigid_reader.hpp"
+#include "efree/io/case/internal/start_reader.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -301,28 +302,6 @@ template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>&
   contact.friction = section.number("friction", not_negative, contact.friction);
 }
 
-/// [start].
-template <int Dim> void read_start(const Section& root, DynamicsSettings<Dim>& dynamics) {
-  if (!root.has("start")) return;
-  const Section section = root.section("start", {"static", "residual", "spin"});
-  if (!section.boolean("static", true)) {
-    for (const char* key : {"residual", "spin"})
-      if (section.has(key)) section.fail(key, fmt::format("{} means nothing without a static start", key));
-    return;
-  }
-  StaticStart<Dim> start{.where = section.where()};
-  start.residual = section.number("residual", {0.0, 0.1, false, true}, start.residual);
-  if (section.has("spin")) {
-    if (dynamics.common.model.plane == Plane::axisymmetric && Dim == 2)
-      section.fail("spin", "an axisymmetric section does not turn in its plane: take all of the body in space");
-    if constexpr (Dim == 2)
-      start.spin[0] = section.number("spin", any_number);
-    else
-      start.spin = section.template point<3>("spin");
-  }
-  dynamics.static_start = start;
-}
-
 /// [relaxation]; after [time].
 template <int Dim> void read_relaxation(const Section& root, DynamicsSettings<Dim>& dynamics) {
   if (!root.has("relaxation")) return;
@@ -359,27 +338,19 @@ void read_gases(const std::vector<Section>& entries, PlaceReader<Dim>& places, D
                               .where = entry.where("on")});
 }
 
-/// [time] and [output].
-template <int Dim> void read_times(const Section& time, const Section& output, DynamicsSettings<Dim>& dynamics) {
-  dynamics.end = time.number("end", positive);
-  dynamics.max_step = time.number("max_step", positive, dynamics.max_step);
-  dynamics.min_step = time.number("min_step", {0.0, dynamics.max_step, false, true}, dynamics.min_step);
-  dynamics.frames = static_cast<Index>(output.integer("frames", 0, 100000, dynamics.frames));
-  dynamics.history_lines = static_cast<Index>(output.integer("history", 0, 10000000, dynamics.history_lines));
-  dynamics.checkpoint_interval = output.number("checkpoint", positive, dynamics.checkpoint_interval);
-}
-
-/// Of all but [time] and [output], and of the files that the case names.
+/// Of all but [time] and [output], with mass_scaling of [time] all the same, and of the files that the case names.
 std::uint64_t fingerprint(const toml::table& table, const std::filesystem::path& folder, const Section& geometry,
-                          const std::vector<Section>& rigid_bodies) {
+                          const std::vector<Section>& rigid_bodies, const std::filesystem::path& state) {
   toml::table rest = table;
   rest.erase("time");
   rest.erase("output");
+  if (const auto scaling = table["time"]["mass_scaling"]) rest.insert("mass_scaling", *scaling.node());
   Fingerprint mark;
   mark.add(text_of(toml::node_view<const toml::node>(rest)));
   if (geometry.has("file")) add_file(mark, folder / geometry.text("file"));
   for (const Section& body : rigid_bodies)
     if (body.has("file")) add_file(mark, folder / body.text("file"));
+  if (!state.empty()) add_file(mark, find_dynamics_state(state));
   return mark.value();
 }
 
@@ -394,7 +365,7 @@ Section::Keys dynamics_keys() {
 template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   const Section& root = text.root;
   const Section analysis = root.required_section("analysis", {"kind", "plane", "gravity", "body_force", "rotation"});
-  const Section time = root.required_section("time", {"end", "max_step", "min_step"});
+  const Section time = root.required_section("time", {"end", "max_step", "min_step", "mass_scaling"});
   const Section output = root.section("output", {"frames", "history", "checkpoint", "pictures", "animation"});
   const auto velocities = root.sections("velocity", {"region", "value"});
   const auto fractures =
@@ -432,10 +403,13 @@ template <int Dim> DynamicsCase<Dim> read_dynamics(const CaseText& text) {
   read_sph(root, result);
   read_contact(root, result);
   read_relaxation(root, result);
-  read_start(root, result);
+  read_mass_scaling(time, result);
+  read_start<Dim>(root, text.folder(), expressions, result);
   read_gases(gases, places, result);
   read_probes<Dim>(probes, root.section("definitions", {}), expressions, result);
-  result.mark = {fingerprint(*text.table, text.folder(), text.geometry, rigid_bodies), 0};
+  result.mark = {fingerprint(*text.table, text.folder(), text.geometry, rigid_bodies,
+                             result.state_start ? result.state_start->directory : ""),
+                 0};
   return result;
 }
 

@@ -295,6 +295,8 @@ template VectorField<2> Expressions<2>::fields(const std::array<std::string, 2>&
 template std::function<Vec<3>(const Vec<2>&)> Expressions<2>::fields(const std::array<std::string, 3>&,
                                                                      const std::string&) const;
 template VoigtField<2> Expressions<2>::fields(const std::array<std::string, 4>&, const std::string&) const;
+template std::function<Vec<6>(const Vec<2>&)> Expressions<2>::fields(const std::array<std::string, 6>&,
+                                                                     const std::string&) const;
 template class Expressions<3>;
 template VectorField<3> Expressions<3>::fields(const std::array<std::string, 3>&, const std::string&) const;
 template VoigtField<3> Expressions<3>::fields(const std::array<std::string, 6>&, const std::string&) const;

@@ -54,6 +54,15 @@ std::vector<std::string> describe_run(const DynamicsSettings<Dim>& settings, con
                                 1e-6 * dynamics.steps() * static_cast<double>(dynamics.num_points()) / total,
                                 fmt::join(shares, ", ")));
   }
+  if (settings.options.mass_scaling.on()) {
+    const AddedInertia inertia = dynamics.added_inertia();
+    lines.push_back(
+        inertia.empty()
+            ? "mass scaling: its error is not known, as the run is too short"
+            : fmt::format("mass scaling: forces are off by about {:.2g} % of the largest; kinetic over internal "
+                          "energy {:.2g} % at most, {:.2g} % in the median",
+                          100.0 * inertia.error(), 100.0 * inertia.largest_ratio(), 100.0 * inertia.median_ratio()));
+  }
   for (const auto& [name, values] : measure_probes(settings, model))
     lines.push_back(values.size() == 1 ? fmt::format("probe \"{}\": {:.6g}", name, values[0])
                                        : fmt::format("probe \"{}\": displacement ({:.6g}), velocity ({:.6g})", name,
@@ -82,6 +91,23 @@ ordered_json energy_json(const Ledger& energies, const EnergyWatch& watch) {
     for (const auto& energy : energies.energies()) json["fractions"][snake_case(energy.name)] = energy.value / all;
   json["error"] = watch.error();
   json["largest_error"] = watch.largest_error();
+  return json;
+}
+
+template <int Dim> ordered_json mass_scaling_json(const DynamicsModel<Dim>& model) {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const AddedInertia inertia = dynamics.added_inertia();
+  ordered_json json;
+  const std::vector<BodyMass> masses = dynamics.body_masses();
+  for (std::size_t b = 0; b < masses.size(); ++b)
+    json["bodies"][model.names[b]] = {{"mass", masses[b].real},
+                                      {"added", masses[b].added},
+                                      {"added_percent", 100.0 * masses[b].added / masses[b].real},
+                                      {"points", masses[b].points}};
+  json["unscaled_step"] = dynamics.world().unscaled_step;
+  if (inertia.empty()) return json;
+  json["error"] = inertia.error();
+  json["kinetic_over_internal"] = {{"largest", inertia.largest_ratio()}, {"median", inertia.median_ratio()}};
   return json;
 }
 
@@ -148,6 +174,7 @@ template <int Dim> void write_dynamics_result(const std::filesystem::path& file,
   if (outcome.residual) json["relaxation"] = {{"residual", *outcome.residual}, {"at_rest", outcome.at_rest}};
   json["counts"] = counts_json(dynamics, ledger);
   json["stable_step"] = dynamics.stable_step();
+  if (dynamics_case.options.mass_scaling.on()) json["mass_scaling"] = mass_scaling_json(model);
   json["energy"] = energy_json(balance.energies, dynamics.energy());
   json["momentum"] = json_array(balance.momentum);
   json["angular_momentum"] = json_array(balance.angular_momentum);

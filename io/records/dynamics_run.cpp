@@ -24,8 +24,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view dynamics_state_kind = "efree dynamics 4\n";
-constexpr const char* dynamics_state_name = "dynamics.state";
+constexpr std::string_view dynamics_state_kind = "efree dynamics 5\n";
 
 /// Values of the probes, by columns.
 template <int Dim> typename DynamicsRecord<Dim>::Numbers probe_columns(const DynamicsSettings<Dim>& settings,
@@ -310,6 +309,28 @@ template <int Dim> void DynamicsRun<Dim>::remove_unfinished() {
   unfinished_->forget();
 }
 
+template <int Dim> void read_state_start(DynamicsCase<Dim>& dynamics_case) {
+  if (!dynamics_case.state_start) return;
+  StateStart& start = *dynamics_case.state_start;
+  try {
+    const internal::Sealed sealed =
+        internal::read_sealed(find_dynamics_state(start.directory), dynamics_state_kind, Dim, std::nullopt);
+    Unpacker unpack(sealed.packed());
+    std::string record;
+    ContactForces<Dim> contact_forces;
+    std::vector<std::array<double, 2>> ranges;
+    unpack(record), unpack(contact_forces), unpack(ranges);
+    start.state = unpack.rest();
+  } catch (const InputError& error) {
+    std::string message = error.what();
+    for (const char* advice : {": run without --resume", "; run without --resume"})
+      if (const auto at = message.find(advice); at != std::string::npos) message.erase(at);
+    throw InputError(internal::said_at(start.where, message));
+  }
+}
+
+template void read_state_start(DynamicsCase<2>&);
+template void read_state_start(DynamicsCase<3>&);
 template class DynamicsRun<2>;
 template class DynamicsRun<3>;
 

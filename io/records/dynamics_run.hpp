@@ -20,6 +20,10 @@ namespace internal {
 class Unfinished;
 }
 
+/// Reads the state of DynamicsSettings::state_start, if the case has one. Throws InputError, beginning with its place
+/// in the case file, for one that cannot be read, is damaged, of another version or dimension.
+template <int Dim> void read_state_start(DynamicsCase<Dim>& dynamics_case);
+
 /// Keeps a DynamicsRecord with pictures and `dynamics.state`, the last checkpoint, in the folder `unfinished` of an
 /// output directory. A run that ends adds them to its results. One run at a time.
 template <int Dim> class DynamicsRun {

@@ -138,7 +138,8 @@ template <int Dim> void add_regions(const DynamicsModel<Dim>& model, nlohmann::o
   for (const Chunk<Dim>& chunk : dynamics.world().chunks)
     for (Index p = 0; p < chunk.size(); ++p) {
       volume[dynamics.world().point_number(chunk, p)] = chunk.matter.volume[p];
-      mass[dynamics.world().point_number(chunk, p)] = chunk.matter.mass[p];
+      mass[dynamics.world().point_number(chunk, p)] =
+          chunk.matter.own_mass(p) / dynamics.world().options.mass_scaling.factor;
     }
   for (Index b = 0; b < dynamics.num_bodies(); ++b) {
     RegionNumbers<Dim> numbers{.mass = 0.0};

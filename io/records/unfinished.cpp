@@ -75,7 +75,7 @@ void write_sealed(const fs::path& file, std::string_view kind, int dimension, Ca
   });
 }
 
-Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, CaseMark of) {
+Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, const std::optional<CaseMark>& of) {
   const auto fail = [&](const std::string& why) { throw InputError(fmt::format("{}: {}", file.string(), why)); };
   Sealed result;
   std::string& bytes = result.file;
@@ -103,7 +103,10 @@ Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, C
   }
   if (by != version())
     fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
-  if (its_dimension != dimension || result.of.what != of.what)
+  if (!of && its_dimension != dimension)
+    fail(fmt::format("this run is {}, expected one {}", its_dimension == 2 ? "in the plane" : "in space",
+                     dimension == 2 ? "in the plane" : "in space"));
+  if (of && (its_dimension != dimension || result.of.what != of->what))
     fail(
         "these steps are of another case: the case file, or the geometry's, has changed by more than steps of [time]; "
         "run without --resume");

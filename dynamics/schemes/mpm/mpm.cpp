@@ -93,6 +93,15 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   void pack(Archive& archive) override {
     archive(grid_.particles, owed_, fastest_, highest_frequency_, wave_speed_, strain_, strain_since_estimate_);
   }
+  void stop(World<Dim>& world) override {
+    for (Particles<Dim>& of : grid_.particles) {
+      of.v.setZero();
+      of.motion.setZero();
+      of.moved.setZero();
+      of.speed = of.power = 0.0;
+    }
+    grid_.rebuild(world, false);
+  }
   void resume(World<Dim>& world) override {
     for (std::size_t c = 0; c < grid_.particles.size(); ++c) grid_.particles[c].complete(world.chunks[c]);
     grid_.rebuild(world, false);

@@ -204,6 +204,7 @@ std::vector<Index> merge_pairs(const World<Dim>& world, Chunk<Dim>& chunk, OtmPo
     J[p] = (volume[p] * J[p] + volume[q] * J[q]) / (volume[p] + volume[q]);
     volume[p] += volume[q];
     matter.mass[p] += matter.mass[q];
+    if (matter.added_mass.size() != 0) matter.added_mass[p] += std::exchange(matter.added_mass[q], 0.0);
     chunk.support.stabilisation[p] += chunk.support.stabilisation[q];
     volume[q] = matter.mass[q] = 0.0;
     gone.push_back(q);

@@ -26,6 +26,7 @@ template <int Dim> void halve(Chunk<Dim>& chunk, OtmPoints<Dim>& points, const H
     from.push_back(p);
     chunk.matter.volume[p] *= 0.5;
     chunk.matter.mass[p] *= 0.5;
+    if (chunk.matter.added_mass.size() != 0) chunk.matter.added_mass[p] *= 0.5;
     chunk.support.stabilisation[p] *= 0.5;
   }
   std::ranges::sort(from);

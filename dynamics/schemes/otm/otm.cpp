@@ -212,7 +212,13 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     if (state_.options.seizing) world.interactions.push_back(std::make_unique<Seizing<Dim>>(*this, state_));
   }
 
+  void find_masses(World<Dim>& world) override { sum_lumped_masses(world); }
+
   void refresh(World<Dim>& world, StableStep<Dim>& stable) override {
+    const auto changes = [&] {
+      return std::tuple(world.reconnections, world.surface_changes, world.ledger.count("merged nodes"));
+    };
+    const auto before = changes();
     // Points are of no two pairs: what pairs them takes turns.
     diffuse_pressures(world, state_);
     const OtmOptions& options = state_.options;
@@ -226,6 +232,7 @@ template <int Dim> class Otm final : public Scheme<Dim> {
     else if (options.insertion > 0.0 && turn % 8 == 3)
       pair_points_to_merge(world, state_);
     reconnect(world, state_, stable);
+    if (world.nodes.added_mass.size() != 0 && changes() != before) sum_added_masses(world);
   }
 
   void collect_forces(World<Dim>& world) override {

@@ -19,6 +19,7 @@ template <int Dim> class TotalLagrangian final : public Scheme<Dim> {
  public:
   std::string name() const override { return "total_lagrangian"; }
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
+  void find_masses(World<Dim>& world) override;
 };
 
 template <int Dim> void require_body(const DeformableBody<Dim>& body, std::size_t b, bool axisymmetric) {
@@ -131,12 +132,15 @@ template <int Dim> void TotalLagrangian<Dim>::begin(World<Dim>& world, std::span
     consistent = consistent || bodies[b].mass_terms > 1;
   }
   for (Chunk<Dim>& chunk : world.chunks) put_table(world, chunk, *bodies[chunk.body].shape);
-  sum_lumped_masses(world);
   if (has_surfaces) find_surface_points(world, bodies);
-  if (consistent || has_surfaces) {
+  if (consistent || has_surfaces)
     for (const auto& body : bodies) world.consistent_mass.terms.push_back(body.mass_terms);
-    find_consistent_masses(world);
-  }
+  find_masses(world);
+}
+
+template <int Dim> void TotalLagrangian<Dim>::find_masses(World<Dim>& world) {
+  sum_lumped_masses(world);
+  if (!world.consistent_mass.terms.empty()) find_consistent_masses(world);
   require_masses(world);
 }
 

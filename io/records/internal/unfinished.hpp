@@ -7,6 +7,7 @@
 
 #include <filesystem>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -53,8 +54,9 @@ struct Sealed {
   std::string_view packed() const { return std::string_view(file).substr(begin); }
 };
 /// Throws InputError for a file that cannot be read, is of another kind,
-/// version, dimension or case (CaseMark::what), or is damaged.
-Sealed read_sealed(const std::filesystem::path& file, std::string_view kind, int dimension, CaseMark of);
+/// version, dimension or case (CaseMark::what; of any, if there is none), or is damaged.
+Sealed read_sealed(const std::filesystem::path& file, std::string_view kind, int dimension,
+                   const std::optional<CaseMark>& of);
 /// Throws InputError that says so of a file.
 [[noreturn]] void is_damaged(const std::filesystem::path& file);
 
