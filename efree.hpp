@@ -42,6 +42,7 @@
 #include "efree/core/types.hpp"
 #include "efree/dynamics/body.hpp"
 #include "efree/dynamics/contact/cavity.hpp"
+#include "efree/dynamics/contact/close_contacts.hpp"
 #include "efree/dynamics/contact/contact_points.hpp"
 #include "efree/dynamics/contact/contact_sums.hpp"
 #include "efree/dynamics/contact/overlap.hpp"

@@ -146,6 +146,8 @@ template <int Dim> struct DynamicsSettings {
   /// Whether regions that share facets are one body there, as by otm and mpm they can be. Else they are in contact; by
   /// sph particles of bodies that meet are as those of one.
   bool tied = true;
+  /// Gaps and overlaps between regions up to this are closed before the run begins (close_contacts) [length]; 0: none.
+  double closed_gap = 0.0;
   /// Whether points near each other share their mean dilatation (pressure patches), against locking. Empty: all but
   /// those of fluids with artificial viscosity, which need none.
   std::optional<bool> pressure_patches{};

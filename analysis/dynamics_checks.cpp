@@ -42,20 +42,22 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const 
 template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
   const Dynamics<Dim>& dynamics = model.dynamics;
   const World<Dim>& world = dynamics.world();
-  const auto fail = [&](Index body, const std::string& where) {
+  const auto fail = [&](Index body, const std::string& where, const std::string& instead) {
     throw InputError(said_at(
         where_said(settings.common, "geometry"),
-        fmt::format("bodies overlap at the start: region \"{}\" is inside {}. Move them apart, or let bodies pass "
+        fmt::format("bodies overlap at the start: region \"{}\" is inside {}. Move them apart, {}or let bodies pass "
                     "through each other by contact.enabled = false",
-                    model.names[body], where)));
+                    model.names[body], where, instead)));
   };
   if (const std::vector<Index> inside = dynamics.points_in_others(); !inside.empty())
     fail(world.locate(inside.front()).first.body,
-         fmt::format("another one at ({:.6g})", fmt::join(dynamics.points().col(inside.front()), ", ")));
+         fmt::format("another one at ({:.6g})", fmt::join(dynamics.points().col(inside.front()), ", ")), "");
   const Overlap overlap = dynamics.deepest_overlap();
   if (overlap.node < 0 || overlap.depth < allowed_overlap * world.nodes.spacing[overlap.node]) return;
-  fail(world.nodes.body[overlap.node], fmt::format("region \"{}\" by {:.3g} at ({:.6g})", model.names[overlap.body],
-                                                   overlap.depth, fmt::join(dynamics.nodes().col(overlap.node), ", ")));
+  fail(world.nodes.body[overlap.node],
+       fmt::format("region \"{}\" by {:.3g} at ({:.6g})", model.names[overlap.body], overlap.depth,
+                   fmt::join(dynamics.nodes().col(overlap.node), ", ")),
+       fmt::format("close overlaps by contact.close = {:.2g}, ", 1.1 * overlap.depth));
 }
 
 template <int Dim> std::vector<std::string> warnings_of_speeds(const DynamicsModel<Dim>& model) {

@@ -10,6 +10,7 @@
 #include "efree/assembly/kinematics.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/memory.hpp"
+#include "efree/dynamics/contact/close_contacts.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/internal/extract_region.hpp"
 #include "efree/materials/equation_of_state.hpp"
@@ -459,6 +460,29 @@ std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const Dynami
   return total_lagrangian<Dim>();
 }
 
+/// DynamicsSettings::closed_gap.
+template <int Dim> void close_gaps(const DynamicsSettings<Dim>& settings, PreparedMesh<Dim>& prepared) {
+  FineMesh<Dim> mesh = *prepared.mesh;
+  const ClosedContacts closed = located(settings.common, where_said(settings.common, "contact.close"),
+                                        [&] { return close_contacts(mesh, settings.closed_gap); });
+  if (closed.vertices == 0)
+    prepared.warnings.push_back(fmt::format(
+        "No gaps or overlaps are closed: between regions there are none of up to contact.close = {:.6g} that facets of "
+        "both face",
+        settings.closed_gap));
+  else
+    prepared.remarks.push_back(
+        fmt::format("gaps and overlaps between regions are closed: {} vertices, moved by up to "
+                    "{:.3g}",
+                    closed.vertices, closed.furthest));
+  if (closed.overlap > 0.01 * settings.closed_gap)
+    prepared.warnings.push_back(
+        fmt::format("Bodies overlap by up to {:.3g} after contact.close: contact pushes them apart in the first steps. "
+                    "Try a smaller mesh_size, so that facets of both fit each other",
+                    closed.overlap));
+  prepared.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
+}
+
 }  // namespace
 
 template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Dim>& mesh,
@@ -502,7 +526,9 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
 
 template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                              const Monitor& monitor) {
-  return internal::prepare_mesh<Dim>(source, settings.common, nullptr, monitor);
+  PreparedMesh<Dim> result = internal::prepare_mesh<Dim>(source, settings.common, nullptr, monitor);
+  if (settings.closed_gap > 0.0) close_gaps(settings, result);
+  return result;
 }
 
 template PreparedMesh<2> prepare(const MeshSource<2>&, const DynamicsSettings<2>&, const Monitor&);

@@ -287,9 +287,9 @@ template <int Dim> void read_sph(const Section& root, DynamicsSettings<Dim>& dyn
 
 /// [contact]; after [otm].
 template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>& dynamics) {
-  const Section section = root.section("contact", {"enabled", "self", "tie", "friction"});
+  const Section section = root.section("contact", {"enabled", "self", "tie", "friction", "close"});
   ContactOptions& contact = dynamics.options.contact;
-  for (const char* key : {"enabled", "self", "tie", "friction"})
+  for (const char* key : {"enabled", "self", "tie", "friction", "close"})
     if (dynamics.otm.seizing && section.has(key))
       section.fail(key, fmt::format("{} means nothing for bodies that seize (otm.seizing): leave it out", key));
     else if (dynamics.method == DynamicsMethod::sph && dynamics.sph.frame == SphFrame::updated && section.has(key))
@@ -300,6 +300,9 @@ template <int Dim> void read_contact(const Section& root, DynamicsSettings<Dim>&
   contact.self = section.boolean("self", contact.self);
   dynamics.tied = section.boolean("tie", dynamics.tied);
   contact.friction = section.number("friction", not_negative, contact.friction);
+  if (!section.has("close")) return;
+  dynamics.closed_gap = section.number("close", positive);
+  if (!contact.enabled) section.fail("close", "close is for bodies in contact: leave out that, or enabled = false");
 }
 
 /// [relaxation]; after [time].

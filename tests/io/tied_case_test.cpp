@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Cases of explicit dynamics with regions that touch, by every method.
+/// Cases of explicit dynamics with regions that touch, by every method, or shall.
 #include "efree/tests/io/dynamics_cases.hpp"
 
 #include <fmt/format.h>
@@ -92,6 +92,33 @@ TEST(TiedCase, ParticlesOfBodiesThatMeetAreAsOneSoContactIsRefused) {
   const auto run = work.efree({"run", "case.toml", "--out", "out"});
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.output, HasSubstr("case.toml:11: tie means nothing for smoothed particles"));
+}
+
+/// Blocks that overlap by a fifth of their cells, one on the other.
+TEST(TiedCase, OverlapsAreRefusedWithWhatClosesThemAndThenNothingRings) {
+  std::string text = replaced(halves, "METHOD", "");
+  text = text.substr(0, text.find("[[velocity]]")) + "[time]\nend = 2\n[output]\nframes = 0\n";
+  const auto run = [&](const std::string& more, int status) {
+    const Workspace work(text + more);
+    std::ofstream(work / "halves.geo") << R"geo(SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 1, 0.5};
+Rectangle(2) = {0.2, 0.48, 0, 0.5, 0.5};
+Physical Surface("left") = {1};
+Physical Surface("right") = {2};
+)geo";
+    const auto done = work.efree({"run", "case.toml", "--out", "out", "--no-picture"});
+    EXPECT_EQ(done.status, status) << done.output;
+    if (status == 0) {
+      EXPECT_LT(json(work / "out/result.json")["energy"]["kinetic"].get<double>(), 1e-12);
+      EXPECT_LT(json(work / "out/result.json")["energy"]["stored"].get<double>(), 1e-12);
+    }
+    return done.output;
+  };
+  EXPECT_THAT(run("", 2), HasSubstr("close overlaps by contact.close = 0.022"));
+  EXPECT_THAT(run("[contact]\nclose = 0.022\n", 0), HasSubstr("gaps and overlaps between regions are closed: "));
+  EXPECT_THAT(run("[contact]\nclose = 0.022\nenabled = false\n", 2), HasSubstr("close is for bodies in contact"));
+  EXPECT_THAT(run("[contact]\nclose = -1\n", 2), HasSubstr("case.toml:"));
+  EXPECT_THAT(run("[contact]\nclose = 0.6\n", 2), HasSubstr("of its volume"));
 }
 
 }  // namespace

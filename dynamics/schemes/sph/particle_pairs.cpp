@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace efree::internal {
 namespace {
@@ -125,9 +126,29 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
   });
 }
 
+template <int Dim> std::int64_t count_close(const std::vector<ParticlePairs>& pairs, const Points<Dim>& x,
+                                            const Vector& size, double closer) {
+  std::vector<std::int64_t> counts(pairs.size());
+  parallel_chunks(static_cast<Index>(pairs.size()), 1, [&](Index c, Index) {
+    const ParticlePairs& of = pairs[c];
+    std::vector<char> is_close(of.particles.size(), 0);
+    for (Index i = 0; i < of.own; ++i)
+      for (Index k = of.begin[i]; k < of.begin[i + 1]; ++k) {
+        if (of.other[k] == i) continue;
+        const Index a = of.particles[i], b = of.particles[of.other[k]];
+        const double least = 0.5 * closer * (size[a] + size[b]);
+        if ((x.col(a) - x.col(b)).squaredNorm() < least * least)
+          is_close[static_cast<std::size_t>(i)] = is_close[of.other[k]] = 1;
+      }
+    counts[c] = std::count(is_close.begin(), is_close.begin() + of.own, 1);
+  });
+  return std::reduce(counts.begin(), counts.end());
+}
+
 #define EFREE_INSTANTIATE(Dim)                                                                                    \
   template void find_pairs(const Points<Dim>&, const Vector&, double, const std::vector<std::span<const Index>>&, \
-                           const std::vector<WallImage<Dim>>&, std::vector<ParticlePairs>&);
+                           const std::vector<WallImage<Dim>>&, std::vector<ParticlePairs>&);                      \
+  template std::int64_t count_close(const std::vector<ParticlePairs>&, const Points<Dim>&, const Vector&, double);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)
 #undef EFREE_INSTANTIATE

@@ -3,17 +3,17 @@
 
 #include "efree/core/aligned.hpp"
 #include "efree/core/internal/random.hpp"
-#include "efree/core/internal/spectrum.hpp"
 #include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/sph/internal/increment.hpp"
 #include "efree/dynamics/schemes/sph/internal/lattice_waves.hpp"
 #include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
+#include "efree/dynamics/schemes/sph/internal/particle_tensors.hpp"
 #include "efree/dynamics/schemes/sph/internal/splitting.hpp"
+#include "efree/dynamics/schemes/sph/internal/wall_contacts.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 namespace efree {
@@ -31,9 +31,8 @@ constexpr double list_skin = 0.25;
 /// What a volume counts for at most, over that at rest. Rates are by the volume of a particle: that of one which flies
 /// off would grow by itself.
 constexpr double largest_volume = 1.5;
-/// Distance from a wall, over the radius, up to which particles may be in contact with it.
-constexpr double contact_reach = 1.25;
-/// Particles this close, over their spacing, have clumped.
+/// Particles this close, over their spacing, have clumped: as in tension, where sums over neighbours are unstable
+/// (Swegle, Hicks & Attaway 1995), or where daughters pair up.
 constexpr double clumped_distance = 0.5;
 /// Steps between looks for particles to split.
 constexpr Index splitting_interval = 8;
@@ -92,7 +91,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   }
   void pack(Archive& archive) override {
     archive(sizes_.smoothing, sizes_.splits, x_listed_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
-    archive(frequency_, mode_, estimates_, correction_, in_contact_, detached_, wall_forces_);
+    archive(frequency_, mode_, estimates_, correction_, contacts_, wall_forces_);
   }
   void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
   std::span<const Points<Dim>> wall_forces() const override { return wall_forces_; }
@@ -101,22 +100,17 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
   bool lists_are_due(const World<Dim>& world) const;
   void estimate_frequency(const World<Dim>& world, int products);
-  std::int64_t count_clumped(const World<Dim>& world) const;
   LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
                                  double ago) const;
   void sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs, double ago, double* rates,
                  double* moments) const;
   void sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const;
-  void find_contacts(const World<Dim>& world, const Chunk<Dim>& chunk);
-  void find_pressed();
   internal::MirroredParticles<Dim> mirrored(const World<Dim>& world, const Points<Dim>& v, double ago) const {
     return {images_, options_.kernel, world.nodes.x, v, ago, world.nodes.mass, sizes_.smoothing, sizes_.pressed};
   }
   std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v,
                                               const AlignedVector<double>& stress, internal::PairForces by,
                                               Points<Dim>& forces, std::vector<Points<Dim>>& wall_forces) const;
-  Mat<Dim> artificial_stress(const Mat<Dim>& stress) const;
-  Mat<Dim> correction_by(const Mat<Dim>& moment) const;
 
   SphOptions options_;
   double damping_ = 0.0;    ///< fastest damping by a viscosity of one, times the smoothing length over the wave speed
@@ -132,8 +126,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   Points<Dim> x_listed_;              ///< positions where pairs were listed
   std::vector<internal::WallImage<Dim>> images_;
   std::size_t num_walls_ = 0;  ///< that these are of
-  std::vector<internal::WallBits> in_contact_,
-      detached_;                          ///< by particle, the walls that it is in contact with now, is detached from
+  internal::WallContacts<Dim> contacts_;
   std::vector<Points<Dim>> wall_forces_;  ///< Dim x N by wall, part of the forces
   // By particle, as sum_forces takes them.
   AlignedVector<double> stress_, artificial_, density_;
@@ -185,8 +178,7 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
   correction_.resize(options_.corrected ? size * n : 0);
   artificial_.resize(options_.artificial_stress.strength > 0.0 ? size * n : 0);
   density_.resize(2 * n);
-  in_contact_.resize(n, 0);
-  detached_.resize(n, 0);
+  contacts_.resize(n);
   wall_forces_.resize(world.walls.size());
 }
 
@@ -231,27 +223,6 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
   frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
 }
 
-/// Particles that are much closer to another than they were at the start: as in tension, where sums over neighbours are
-/// unstable (Swegle, Hicks & Attaway 1995), or where daughters pair up.
-template <int Dim> std::int64_t Sph<Dim>::count_clumped(const World<Dim>& world) const {
-  std::vector<std::int64_t> counts(pairs_.size());
-  parallel_chunks(static_cast<Index>(pairs_.size()), 1, [&](Index c, Index) {
-    const ParticlePairs& pairs = pairs_[c];
-    std::vector<char> clumped(pairs.particles.size(), 0);
-    for (Index i = 0; i < pairs.own; ++i)
-      for (Index k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
-        if (pairs.other[k] == i) continue;
-        const Index a = pairs.particles[i], b = pairs.particles[pairs.other[k]];
-        const double size = 0.5 * (sizes_.smoothing[a] + sizes_.smoothing[b]);
-        const double least = clumped_distance * size / options_.smoothing;
-        if ((world.nodes.x.col(a) - world.nodes.x.col(b)).squaredNorm() < least * least)
-          clumped[static_cast<std::size_t>(i)] = clumped[pairs.other[k]] = 1;
-      }
-    counts[c] = std::count(clumped.begin(), clumped.begin() + pairs.own, 1);
-  });
-  return std::reduce(counts.begin(), counts.end());
-}
-
 /// Whether particles or images of them that are not listed may have come within the support of each other.
 template <int Dim> bool Sph<Dim>::lists_are_due(const World<Dim>& world) const {
   if (num_walls_ != world.walls.size()) return true;
@@ -271,7 +242,7 @@ template <int Dim> bool Sph<Dim>::lists_are_due(const World<Dim>& world) const {
 template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
   auto start = std::chrono::steady_clock::now();
   counts_power_ = true;
-  find_pressed();
+  contacts_.find_pressed(pairs_, images_, sizes_.pressed);
   const Points<Dim>& x = world.nodes.x;
   const bool due = options_.splitting.strain > 0.0 && world.steps % splitting_interval == 0;
   if (const Index split = due ? internal::split_particles(world, options_.splitting, sizes_) : 0; split > 0) {
@@ -321,43 +292,6 @@ void Sph<Dim>::sum_moments(const World<Dim>& world, const ParticlePairs& pairs, 
   internal::add_mirrored_rates(pairs, mirrored(world, world.nodes.v, 0.0), nullptr, moments);
 }
 
-/// Particles are in contact with a wall where their stress is a pressure on it, or zero and they are nearer than their
-/// radius; they are detached from it where their stress pulls.
-template <int Dim> void Sph<Dim>::find_contacts(const World<Dim>& world, const Chunk<Dim>& chunk) {
-  const double* columns = chunk.columns();
-  for (Index p = 0; p < chunk.size(); ++p) {
-    const Index a = world.point_number(chunk, p);
-    in_contact_[a] = detached_[a] = 0;
-    for (std::size_t w = 0; w < world.walls.size(); ++w) {
-      const internal::WallBits bit = internal::WallBits{1} << w;
-      const Vec<Dim>& n = world.walls[w].normal;
-      double pull = 0.0;
-      for (int j = 0; j < Dim; ++j)
-        for (int i = 0; i < Dim; ++i) pull += n[i] * columns[16 * p + 4 * j + i] * n[j];
-      if (pull > 0.0 || chunk.is_eroded(p)) {
-        detached_[a] |= bit;
-        continue;
-      }
-      const double gap = n.dot(world.nodes.x.col(a)) - world.walls[w].level;
-      if (gap < (pull < 0.0 ? contact_reach : 1.0) * world.nodes.radius[a]) in_contact_[a] |= bit;
-    }
-  }
-}
-
-/// Images act on particles in contact and on those in reach of these particles' images, unless they are detached: all
-/// of them begin at once, without stress yet, not one after the other as a wave passes and forces jump.
-template <int Dim> void Sph<Dim>::find_pressed() {
-  sizes_.pressed.resize(in_contact_.size());
-  parallel_chunks(static_cast<Index>(pairs_.size()), 1, [&](Index c, Index) {
-    const ParticlePairs& pairs = pairs_[c];
-    for (Index i = 0; i < pairs.own; ++i) sizes_.pressed[pairs.particles[i]] = in_contact_[pairs.particles[i]];
-    for (const internal::MirroredPair& pair : pairs.mirrored) {
-      const Index a = pairs.particles[pair.own];
-      sizes_.pressed[a] |= in_contact_[pair.other] & images_[pair.image].walls & ~detached_[a];
-    }
-  });
-}
-
 template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   constexpr int size = tensor_size(Dim);
   const ParticlePairs& pairs = pairs_[world.number_of(chunk)];
@@ -374,7 +308,7 @@ template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world,
     if (!chunk.is_eroded(p)) {
       Mat<Dim> rate = half * volume_over_mass(p) * tensor_at<Dim>(rates.data() + size * p);
       if (options_.corrected)
-        rate *= correction_by(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
+        rate *= internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
       else
         rate *= 1.0 + rate.trace();  // by the volume in the middle of the step
       change = internal::increment<Dim>(rate);
@@ -387,37 +321,17 @@ template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world,
   sum_moments(world, pairs, moments.data());
   for (Index p = 0; p < chunk.size(); ++p)
     if (!chunk.is_eroded(p))
-      put_tensor<Dim>(correction_by(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p)),
-                      correction_.data() + size * pairs.particles[p]);
+      put_tensor<Dim>(
+          internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p)),
+          correction_.data() + size * pairs.particles[p]);
   return bounds;
-}
-
-/// What makes gradients exact where velocities are linear: the inverse of the moment sum V (x_j - x_i) (x) grad W,
-/// which is 1 inside, about 1/2 across a surface and 0.23 in the corner of a cube. Particles with less get part of it.
-template <int Dim> Mat<Dim> Sph<Dim>::correction_by(const Mat<Dim>& moment) const {
-  constexpr double least = 0.2;
-  const Mat<Dim> less = moment - least * Mat<Dim>::Identity();
-  // Whether all eigenvalues are larger than that.
-  bool regular = less(0, 0) > 0.0 && less.template topLeftCorner<2, 2>().determinant() > 0.0;
-  if constexpr (Dim == 3) regular = regular && less.determinant() > 0.0;
-  if (regular) return moment.inverse();
-  const auto [values, axes] = internal::spectrum<Dim>(moment);
-  return axes * values.cwiseMax(least).cwiseInverse().asDiagonal() * axes.transpose();
-}
-
-/// A pressure on each principal axis.
-template <int Dim> Mat<Dim> Sph<Dim>::artificial_stress(const Mat<Dim>& stress) const {
-  const auto [values, axes] = internal::spectrum<Dim>(stress);
-  const ArtificialStress& of = options_.artificial_stress;
-  const Vec<Dim> pressures = of.strength * values.cwiseMax(0.0) - of.compression * values.cwiseMin(0.0);
-  return -axes * pressures.asDiagonal() * axes.transpose();
 }
 
 template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
   constexpr int size = tensor_size(Dim);
   const Matter<Dim>& matter = chunk.matter;
   const double* columns = chunk.columns();
-  find_contacts(world, chunk);
+  contacts_.find(world, chunk);
   double& wave_rate = wave_rates_[world.number_of(chunk)];
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
@@ -434,7 +348,9 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
     density[0] = rest > 0.0 ? rest / J : matter.mass[p] / std::pow(world.nodes.spacing[static_cast<Index>(a)], Dim);
     density[1] = rest > 0.0 ? std::sqrt(matter.modulus[p] / rest) : 0.0;
     wave_rate = std::max(wave_rate, density[1] / sizes_.smoothing[static_cast<Index>(a)]);
-    if (!artificial_.empty()) put_tensor<Dim>(artificial_stress(over_squares), artificial_.data() + size * a);
+    if (!artificial_.empty())
+      put_tensor<Dim>(internal::artificial_stress<Dim>(options_.artificial_stress, over_squares),
+                      artificial_.data() + size * a);
   }
 }
 
@@ -477,8 +393,7 @@ template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const W
 
 template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   auto start = std::chrono::steady_clock::now();
-  // Walls do not pull particles that the stresses of this step detach.
-  for (std::size_t a = 0; a < detached_.size(); ++a) sizes_.pressed[a] &= ~detached_[a];
+  contacts_.detach(sizes_.pressed);
   const ArtificialStress& artificial = options_.artificial_stress;
   const double exponent = artificial.exponent > 0.0
                               ? artificial.exponent
@@ -509,7 +424,8 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   if (rate_before > 0.0 && wave_rate_ > rate_before) frequency_ *= wave_rate_ / rate_before;
   if (frequency_ == 0.0 || world.steps % estimate_interval == 0) {
     estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
-    world.ledger.set_count("clumped particles", count_clumped(world));
+    const double closer = clumped_distance / options_.smoothing;
+    world.ledger.set_count("clumped particles", internal::count_close(pairs_, world.nodes.x, sizes_.smoothing, closer));
   }
   world.ledger.add_time("stability", seconds_since(start));
 }

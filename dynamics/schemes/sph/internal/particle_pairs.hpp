@@ -39,4 +39,8 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
                                    const std::vector<std::span<const Index>>& chunks,
                                    const std::vector<WallImage<Dim>>& images, std::vector<ParticlePairs>& pairs);
 
+/// How many particles are closer to another than `closer` times the mean of their `size`.
+template <int Dim> std::int64_t count_close(const std::vector<ParticlePairs>& pairs, const Points<Dim>& x,
+                                            const Vector& size, double closer);
+
 }  // namespace efree::internal

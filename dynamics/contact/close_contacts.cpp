@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/contact/close_contacts.hpp"
+
+#include "efree/core/error.hpp"
+#include "efree/dynamics/contact/internal/facet.hpp"
+
+#include <fmt/ranges.h>
+#include <Eigen/LU>
+#include <algorithm>
+#include <map>
+
+namespace efree {
+namespace {
+
+using internal::area_of, internal::facet_corners, internal::FacetTree, internal::weights_in;
+
+/// The surface of a region, without what touches another already.
+template <int Dim> struct RegionSurface {
+  Facets<Dim> facets;
+  std::map<Index, std::vector<Index>> around{};  ///< by vertex, its facets
+};
+
+template <int Dim> std::vector<RegionSurface<Dim>> surfaces_of(const FineMesh<Dim>& mesh) {
+  std::vector<char> touches(static_cast<std::size_t>(mesh.num_facets()), 0);
+  for (const auto& [first, second] : tied_facets(mesh)) touches[first] = touches[second] = 1;
+  std::vector<std::vector<Index>> facets(static_cast<std::size_t>(mesh.num_regions()));
+  for (Index f = 0; f < mesh.num_facets(); ++f)
+    if (touches[f] == 0) facets[mesh.region(mesh.facet_cell(f))].push_back(f);
+  std::vector<RegionSurface<Dim>> result;
+  for (const auto& of_region : facets) {
+    RegionSurface<Dim>& surface = result.emplace_back(mesh.facets()(Eigen::all, of_region));
+    for (Index f = 0; f < surface.facets.cols(); ++f)
+      for (const Index v : surface.facets.col(f)) surface.around[v].push_back(f);
+    std::erase_if(surface.around, [&](const auto& vertex) {
+      const auto around = mesh.facets_of(vertex.first);
+      return std::ranges::any_of(around, [&](Index f) { return touches[f] != 0; });
+    });
+  }
+  return result;
+}
+
+/// How far in front of facets vertices end, over the tolerance.
+constexpr double clearance = 1e-6;
+
+/// From a vertex to the nearest facet in front of it or behind.
+template <int Dim> struct Facing {
+  double gap = std::numeric_limits<double>::infinity();  ///< negative inside
+  Vec<Dim> normal = Vec<Dim>::Zero();                    ///< of the facet, outwards
+};
+
+template <int Dim> Facing<Dim> find_facing(const Points<Dim>& x, const RegionSurface<Dim>& own, Index vertex,
+                                           const RegionSurface<Dim>& other, const std::vector<Index>& candidates) {
+  constexpr double opposed = -0.5, beyond_edge = 1e-3;
+  Facing<Dim> nearest;
+  for (const Index f : candidates) {
+    const Mat<Dim> corner = facet_corners(x, other.facets, f).colwise() - Vec<Dim>(x.col(vertex));
+    const Vec<Dim> normal = area_of<Dim>(corner).normalized();
+    const double gap = -normal.dot(corner.col(0));
+    if (!(std::abs(gap) < std::abs(nearest.gap)) || weights_in<Dim>(corner).minCoeff() < -beyond_edge) continue;
+    const auto is_opposed = [&](Index g) {
+      return area_of<Dim>(facet_corners(x, own.facets, g)).normalized().dot(normal) < opposed;
+    };
+    if (std::ranges::any_of(own.around.at(vertex), is_opposed)) nearest = {gap, normal};
+  }
+  return nearest;
+}
+
+/// Moves vertices once: of each region those that are inside others, and, with `gaps`, onto earlier regions those in
+/// front of them. Returns the deepest overlap that was found.
+template <int Dim>
+double move_once(const std::vector<RegionSurface<Dim>>& surfaces, double tolerance, bool gaps, Points<Dim>& x) {
+  const double ahead = clearance * tolerance;
+  double deepest = 0.0;
+  for (std::size_t region = 0; region < surfaces.size(); ++region)
+    for (std::size_t other = 0; other < surfaces.size(); ++other) {
+      if (region == other || surfaces[other].facets.cols() == 0) continue;
+      const FacetTree<Dim> tree(x, surfaces[other].facets);
+      std::vector<Index> candidates;
+      for (const auto& [vertex, facets] : surfaces[region].around) {
+        tree.centres.within(x.col(vertex), tree.reach + tolerance, candidates);
+        const Facing<Dim> facing = find_facing(x, surfaces[region], vertex, surfaces[other], candidates);
+        if (!(std::abs(facing.gap) <= tolerance)) continue;
+        deepest = std::max(deepest, -facing.gap);
+        const bool moves = gaps ? other < region : facing.gap < -ahead;
+        if (moves) x.col(vertex) += (ahead - facing.gap) * facing.normal;
+      }
+    }
+  return deepest;
+}
+
+template <int Dim> void require_volumes(const FineMesh<Dim>& mesh, const Points<Dim>& x, double tolerance) {
+  constexpr double least = 0.1;
+  for (Index c = 0; c < mesh.num_cells(); ++c) {
+    Mat<Dim> edges;
+    for (int i = 0; i < Dim; ++i) edges.col(i) = x.col(mesh.cells()(i + 1, c)) - x.col(mesh.cells()(0, c));
+    const double volume = edges.determinant() / (Dim == 2 ? 2.0 : 6.0);
+    if (volume < least * mesh.volume(c))
+      throw InputError(
+          fmt::format("gaps and overlaps of up to {:.6g} cannot be closed: a cell at ({:.6g}) would keep "
+                      "{:.2g} % of its volume; take less, or larger cells",
+                      tolerance, fmt::join(mesh.centroid(c), ", "), 100.0 * volume / mesh.volume(c)));
+  }
+}
+
+}  // namespace
+
+template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance) {
+  require(tolerance > 0.0, "close_contacts: expected a positive tolerance");
+  // Where surfaces are curved, vertices of one are inside the facets of the other once these are on them, and so on.
+  constexpr int passes = 10;
+  const std::vector<RegionSurface<Dim>> surfaces = surfaces_of(mesh);
+  Points<Dim> x = mesh.vertices();
+  ClosedContacts result;
+  for (int pass = 0; pass < passes; ++pass) {
+    result.overlap = move_once(surfaces, tolerance, pass == 0, x);
+    if (pass > 0 && result.overlap <= clearance * tolerance) break;
+  }
+  const Vector moved = (x - mesh.vertices()).colwise().norm();
+  result.furthest = moved.maxCoeff();
+  result.vertices = (moved.array() > 0.0).count();
+  if (result.vertices == 0) return result;
+  require_volumes(mesh, x, tolerance);
+  MeshData<Dim> data = extract(mesh, std::vector<char>(static_cast<std::size_t>(mesh.num_cells()), 1));
+  data.vertices = x;
+  mesh = FineMesh<Dim>(std::move(data));
+  return result;
+}
+
+template ClosedContacts close_contacts(FineMesh<2>&, double);
+template ClosedContacts close_contacts(FineMesh<3>&, double);
+
+}  // namespace efree
