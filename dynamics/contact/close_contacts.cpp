@@ -2,6 +2,7 @@
 #include "efree/dynamics/contact/close_contacts.hpp"
 
 #include "efree/core/error.hpp"
+#include "efree/core/parallel.hpp"
 #include "efree/dynamics/contact/internal/facet.hpp"
 
 #include <fmt/ranges.h>
@@ -65,12 +66,13 @@ template <int Dim> Facing<Dim> find_facing(const Points<Dim>& x, const RegionSur
   return nearest;
 }
 
-/// Moves vertices once: of each region those that are inside others, and, with `gaps`, onto earlier regions those in
-/// front of them. Returns the deepest overlap that was found.
-template <int Dim>
-double move_once(const std::vector<RegionSurface<Dim>>& surfaces, double tolerance, bool gaps, Points<Dim>& x) {
+/// How vertices of the surfaces move: of each region those that are inside others, and, with `gaps`, onto earlier
+/// regions those in front of them. And the deepest overlap that was found.
+template <int Dim> std::pair<Points<Dim>, double> find_moves(const std::vector<RegionSurface<Dim>>& surfaces,
+                                                             double tolerance, bool gaps, const Points<Dim>& x) {
   const double ahead = clearance * tolerance;
   double deepest = 0.0;
+  Points<Dim> moved = Points<Dim>::Zero(Dim, x.cols());
   for (std::size_t region = 0; region < surfaces.size(); ++region)
     for (std::size_t other = 0; other < surfaces.size(); ++other) {
       if (region == other || surfaces[other].facets.cols() == 0) continue;
@@ -81,11 +83,43 @@ double move_once(const std::vector<RegionSurface<Dim>>& surfaces, double toleran
         const Facing<Dim> facing = find_facing(x, surfaces[region], vertex, surfaces[other], candidates);
         if (!(std::abs(facing.gap) <= tolerance)) continue;
         deepest = std::max(deepest, -facing.gap);
-        const bool moves = gaps ? other < region : facing.gap < -ahead;
-        if (moves) x.col(vertex) += (ahead - facing.gap) * facing.normal;
+        const bool misses = std::abs(facing.gap - ahead) > 0.5 * ahead;
+        const bool moves = gaps ? misses && other < region : facing.gap < -ahead;
+        if (moves) moved.col(vertex) += (ahead - facing.gap) * facing.normal;
       }
     }
-  return deepest;
+  return {moved, deepest};
+}
+
+/// What is around vertices that move goes along, the less the farther it is, and the farthest not at all: where flat
+/// surfaces move as a whole their region is stretched evenly, so that flat cells do not turn over. `moved`: by vertex,
+/// zero where it does not move by itself.
+template <int Dim> void stretch(const FineMesh<Dim>& mesh, const std::vector<Index>& region_of, Points<Dim>& moved) {
+  constexpr std::size_t most = 2048;  // vertices that others follow
+  std::vector<std::vector<Index>> leaders(static_cast<std::size_t>(mesh.num_regions()));
+  for (Index v = 0; v < mesh.num_vertices(); ++v)
+    if (!moved.col(v).isZero(0.0)) leaders[region_of[v]].push_back(v);
+  Points<Dim> following = moved;
+  Vector distance = Vector::Zero(mesh.num_vertices()), farthest = Vector::Zero(mesh.num_regions());
+  parallel_for(mesh.num_vertices(), [&](Index v) {
+    const std::vector<Index>& of = leaders[region_of[v]];
+    if (of.empty() || !moved.col(v).isZero(0.0)) return;
+    double sum = 0.0, nearest = std::numeric_limits<double>::infinity();
+    Vec<Dim> mean = Vec<Dim>::Zero();
+    for (std::size_t k = 0; k < of.size(); k += 1 + of.size() / most) {
+      const double squared = (mesh.vertex(of[k]) - mesh.vertex(v)).squaredNorm();
+      const double weight = 1.0 / (squared * squared);
+      sum += weight;
+      mean += weight * moved.col(of[k]);
+      nearest = std::min(nearest, squared);
+    }
+    following.col(v) = mean / sum;
+    distance[v] = std::sqrt(nearest);
+  });
+  for (Index v = 0; v < mesh.num_vertices(); ++v)
+    farthest[region_of[v]] = std::max(farthest[region_of[v]], distance[v]);
+  for (Index v = 0; v < mesh.num_vertices(); ++v)
+    if (distance[v] > 0.0) moved.col(v) = (1.0 - distance[v] / farthest[region_of[v]]) * following.col(v);
 }
 
 template <int Dim> void require_volumes(const FineMesh<Dim>& mesh, const Points<Dim>& x, double tolerance) {
@@ -109,15 +143,24 @@ template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tol
   // Where surfaces are curved, vertices of one are inside the facets of the other once these are on them, and so on.
   constexpr int passes = 10;
   const std::vector<RegionSurface<Dim>> surfaces = surfaces_of(mesh);
+  std::vector<Index> region_of(static_cast<std::size_t>(mesh.num_vertices()));
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    for (const Index v : mesh.cells().col(c)) region_of[v] = mesh.region(c);
   Points<Dim> x = mesh.vertices();
   ClosedContacts result;
+  std::vector<char> touched(static_cast<std::size_t>(mesh.num_vertices()), 0);
   for (int pass = 0; pass < passes; ++pass) {
-    result.overlap = move_once(surfaces, tolerance, pass == 0, x);
-    if (pass > 0 && result.overlap <= clearance * tolerance) break;
+    auto [moves, overlap] = find_moves(surfaces, tolerance, pass == 0, x);
+    result.overlap = overlap;
+    if (pass > 0 && overlap <= clearance * tolerance) break;
+    for (Index v = 0; v < x.cols(); ++v)
+      if (!moves.col(v).isZero(0.0)) touched[v] = 1;
+    stretch(mesh, region_of, moves);
+    x += moves;
   }
   const Vector moved = (x - mesh.vertices()).colwise().norm();
   result.furthest = moved.maxCoeff();
-  result.vertices = (moved.array() > 0.0).count();
+  result.vertices = std::ranges::count(touched, 1);
   if (result.vertices == 0) return result;
   require_volumes(mesh, x, tolerance);
   MeshData<Dim> data = extract(mesh, std::vector<char>(static_cast<std::size_t>(mesh.num_cells()), 1));
