@@ -499,6 +499,18 @@ TEST(Dynamics, RefusesInvalidBodiesAndOptions) {
   EXPECT_THROW(dynamics.add_wall({.normal = {1.0, 1.0}}), InputError);
 }
 
+/// The nodes near a point in a cell as good as without volume may lie on one side of it: its gradients were without
+/// bounds, and the step of the first of these meshes 5e-8.
+TEST(Otm, FlatCellsDoNotDecideTheStableStep) {
+  for (const double size : {0.25, 0.2, 0.15}) {
+    const FineMesh<3> mesh(solids::thick_sphere(0.75, 1.0, size).mesh);
+    const Dynamics<3> dynamics({deformable_body(mesh, soft(), 1.0)}, otm<3>());
+    const double speed = std::sqrt(dynamics.world().bodies[0].modulus);  // of waves, with a density of one
+    EXPECT_GT(dynamics.stable_step() * speed, 0.1 * size) << size;
+    EXPECT_LT(dynamics.stable_step() * speed, 0.5 * size) << size;
+  }
+}
+
 /// Shape functions that stay cannot follow.
 TEST(TotalLagrangian, RunsThatInvertAPointStopAndReportWhere) {
   DeformableBody<2> body =

@@ -8,6 +8,8 @@ namespace {
 
 /// Largest change of the logarithm of a shape function at once.
 constexpr double largest_change = 1.0;
+/// Least width of the shape functions of a point (the root of the smallest second moment) over that at first.
+constexpr double narrowest = 0.5;
 /// Residual of the sums that may be left, over that at first and over that before each iteration of Newton's method.
 constexpr double enough = 1e-2, enough_at_once = 0.1;
 constexpr int most_times = 3, most_iterations = 15, most_newton_iterations = 30;
@@ -135,8 +137,10 @@ template <int Dim> Points<Dim> integrated_changes(World<Dim>& world, const Point
   });
 }
 
-/// Changes weights as multipliers ask for, by factors, within bounds; gradients follow.
-template <int Dim> void change_weights(World<Dim>& world, const Points<Dim>& multipliers) {
+/// Changes weights as multipliers ask for, by factors, within bounds; gradients follow. Points whose shape functions
+/// would become much narrower keep theirs: of functions on nodes of a plane, nearly, gradients are large without
+/// bounds, and the stable step is short.
+template <int Dim> void change_weights(World<Dim>& world, const OtmState<Dim>& state, const Points<Dim>& multipliers) {
   for_each_chunk(world, [&](Chunk<Dim>& chunk) {
     if (!integrates(world, chunk)) return;
     const WeightChanges& found = find_changes(world, chunk, multipliers);
@@ -155,7 +159,9 @@ template <int Dim> void change_weights(World<Dim>& world, const Points<Dim>& mul
         offset[k] = world.nodes.x.col(table.nodes[table.local[begin + k]]) - chunk.matter.x.col(p);
       }
       Mat<Dim> moment;
-      if (!centre<Dim>(offset, weight, moment)) continue;
+      if (!centre<Dim>(offset, weight, moment) ||
+          !(smallest_width<Dim>(moment) > narrowest * state.points[world.number_of(chunk)].width[p]))
+        continue;
       const Mat<Dim> inverse = moment.inverse();
       for (Index k = 0; k < count; ++k) {
         const double hoop = world.axisymmetric() ? weight[k] / chunk.matter.x(0, p) : 0.0;
@@ -216,7 +222,7 @@ template <int Dim> void integrate_exactly(World<Dim>& world, OtmState<Dim>& stat
       direction = weighted + next / size * direction;
       size = next;
     }
-    change_weights(world, multipliers);
+    change_weights(world, state, multipliers);
   }
   for (std::size_t c = 0; c < world.chunks.size(); ++c)
     for (Index p = 0; p < world.chunks[c].size(); ++p)

@@ -17,6 +17,8 @@ constexpr double tree_skin = 0.1;
 constexpr double least_nodes = 0.6;
 /// Width of shape functions, over the first one, below which a point that is next to a crack does not take them.
 constexpr double least_width = 0.05;
+/// Likewise over that of the weights, below which a point takes more nodes at first.
+constexpr double least_first_width = 0.05;
 /// Least stabilisation of points that have nodes of two bodies in their support: those of both surfaces lie in one
 /// place, and nothing else resists motions of the ones against the others.
 constexpr double shared_stabilisation = 1.0;
@@ -130,7 +132,10 @@ template <int Dim> bool ShapeFunctions<Dim>::find(Index number, Index p, Mat<Dim
     change_.iterations += functions_.iterations();
     // Past a crack a point may be at the very edge of the nodes that are left to it.
     const bool is_edge = visibility.has_cracks() && smallest_width<Dim>(moment()) < least_width * points.width[p];
-    if (status == LmeStatus::found && !is_edge) return true;
+    // In a flat cell all nodes that are near may be on one side, as good as: gradients are without bounds.
+    const bool is_narrow = is_first && share < 2.0 && status == LmeStatus::found &&
+                           smallest_width<Dim>(moment()) < least_first_width / std::sqrt(metric(0, 0));
+    if (status == LmeStatus::found && !is_edge && !is_narrow) return true;
     lambda.setZero();
   }
   return false;
