@@ -226,6 +226,10 @@ std::optional<double> Comparison::error(const ComparisonRow& row, std::size_t pr
 template <int Dim> Comparison compare_methods(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                               const ComparisonOptions& options, const Monitor& monitor) {
   require(options.resolutions >= 1, "expected at least one resolution");
+  if (settings.state_start)
+    throw InputError(internal::said_at(settings.state_start->where,
+                                       "runs of other methods and resolutions cannot start from the state of one: "
+                                       "leave out [start] state to compare"));
   Comparison result{.methods = choose_methods(options.methods)};
   const double finest = spacing_of(source, settings);
   const double runs = static_cast<double>(result.methods.size()) * options.resolutions;

@@ -460,11 +460,23 @@ std::unique_ptr<Scheme<Dim>> make_scheme(const FineMesh<Dim>& mesh, const Dynami
   return total_lagrangian<Dim>();
 }
 
+/// Vertices that rounding has left beside the axis are on it.
+void move_onto_axis(PreparedMesh<2>& prepared) {
+  constexpr double rounding = 1e-10;  // of the size of the mesh
+  const FineMesh<2>& mesh = *prepared.mesh;
+  if (const double least = mesh.vertices().row(0).minCoeff(); least >= 0.0 || least < -rounding * mesh.size()) return;
+  MeshData<2> data = extract(mesh, std::vector<char>(static_cast<std::size_t>(mesh.num_cells()), 1));
+  for (auto vertex : data.vertices.colwise())
+    if (std::abs(vertex[0]) <= rounding * mesh.size()) vertex[0] = 0.0;
+  prepared.mesh = std::make_shared<const FineMesh<2>>(std::move(data));
+}
+
 /// DynamicsSettings::closed_gap.
 template <int Dim> void close_gaps(const DynamicsSettings<Dim>& settings, PreparedMesh<Dim>& prepared) {
   FineMesh<Dim> mesh = *prepared.mesh;
-  const ClosedContacts closed = located(settings.common, where_said(settings.common, "contact.close"),
-                                        [&] { return close_contacts(mesh, settings.closed_gap); });
+  const ClosedContacts closed = located(settings.common, where_said(settings.common, "contact.close"), [&] {
+    return close_contacts(mesh, settings.closed_gap, is_axisymmetric(settings));
+  });
   if (closed.vertices == 0)
     prepared.warnings.push_back(fmt::format(
         "No gaps or overlaps are closed: between regions there are none of up to contact.close = {:.6g} that facets of "
@@ -527,6 +539,8 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
 template <int Dim> PreparedMesh<Dim> prepare(const MeshSource<Dim>& source, const DynamicsSettings<Dim>& settings,
                                              const Monitor& monitor) {
   PreparedMesh<Dim> result = internal::prepare_mesh<Dim>(source, settings.common, nullptr, monitor);
+  if constexpr (Dim == 2)
+    if (is_axisymmetric(settings)) move_onto_axis(result);
   if (settings.closed_gap > 0.0) close_gaps(settings, result);
   return result;
 }

@@ -64,7 +64,14 @@ std::vector<Index> nodes_in_contact(const DynamicsSettings<Dim>& settings, const
 }
 
 template <int Dim> void report_stresses(const DynamicsSettings<Dim>& settings, DynamicsModel<Dim>& model) {
-  if (settings.initial_stresses.empty() || !model.dynamics.nodes_persist()) return;
+  if (settings.initial_stresses.empty()) return;
+  if (const std::string scheme = model.dynamics.scheme(); !model.dynamics.nodes_persist() || scheme == "sph") {
+    model.remarks.push_back(
+        fmt::format("stresses at the start: how far they are from equilibrium is not known by the "
+                    "method \"{}\"; if they are not, bodies move at once (energy.kinetic)",
+                    scheme));
+    return;
+  }
   const double imbalance = model.dynamics.imbalance(nodes_in_contact(settings, model.dynamics));
   model.remarks.push_back(fmt::format("stresses at the start: {:.2g} of the forces is not balanced", imbalance));
   if (imbalance > warned_stress_imbalance && !settings.static_start)

@@ -51,7 +51,7 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
     : scheme(std::move(given)) {
   require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
   construct(world, bodies, options);
-  identity = identify(bodies, scheme->name(), options);
+  identity = identify<Dim>(bodies, *scheme, options);
   auto rigid_contact = std::make_unique<RigidContact<Dim>>(*scheme);
   auto gas = std::make_unique<Cavities<Dim>>();
   auto gravity_forces = std::make_unique<Gravity<Dim>>();

@@ -76,9 +76,10 @@ bool are_same(const std::vector<double>& one, const std::vector<double>& other) 
 
 }  // namespace
 
-template <int Dim> StateIdentity identify(const std::vector<DeformableBody<Dim>>& bodies, const std::string& scheme,
+template <int Dim> StateIdentity identify(const std::vector<DeformableBody<Dim>>& bodies, const Scheme<Dim>& scheme,
                                           const DynamicsOptions& options) {
-  StateIdentity result{.scheme = scheme,
+  StateIdentity result{.scheme = scheme.name(),
+                       .options = scheme.identity(),
                        .plane = Dim == 2 ? static_cast<int>(options.plane) : 0,
                        .bodies = {},
                        .mass_factor = options.mass_scaling.factor,
@@ -110,6 +111,11 @@ void require_same(const StateIdentity& here, const StateIdentity& there, const s
   if (here.scheme != there.scheme)
     fail(fmt::format("the earlier run has the method \"{}\", and this one \"{}\": expected the same", there.scheme,
                      here.scheme));
+  if (!are_same(here.options, there.options))
+    fail(fmt::format("the earlier run had other options of the method \"{}\": expected the same{}", here.scheme,
+                     here.scheme == "mpm"   ? " cell, degree, transfer, order, remap and contact.tie"
+                     : here.scheme == "sph" ? " spacing, smoothing, kernel, corrected and splitting"
+                                            : ""));
   if (here.plane != there.plane)
     fail("one run is of plane strain and the other one of an axisymmetric section: expected the same");
   if (here.bodies.size() != there.bodies.size())
@@ -117,8 +123,9 @@ void require_same(const StateIdentity& here, const StateIdentity& there, const s
                      here.bodies.size()));
   for (std::size_t b = 0; b < here.bodies.size(); ++b) {
     const BodyIdentity &one = here.bodies[b], &other = there.bodies[b];
-    const std::string body =
-        b < names.size() && !names[b].empty() ? fmt::format("body \"{}\"", names[b]) : fmt::format("body {}", b);
+    const std::string body = b < names.size() && !names[b].empty() ? fmt::format("body \"{}\"", names[b])
+                             : here.bodies.size() == 1             ? std::string("the body")
+                                                                   : fmt::format("body {}", b);
     if (one.nodes != other.nodes || one.points != other.points)
       fail(
           fmt::format("{} had {} nodes and {} material points at the start of the earlier run, and has {} and {} in "
@@ -127,7 +134,8 @@ void require_same(const StateIdentity& here, const StateIdentity& there, const s
     if (!are_same(one.places, other.places))
       fail(
           fmt::format("{} had other places of nodes or points, shape functions or pressure patches at the start of the "
-                      "earlier run: expected the same geometry, mesh or cloud, and quadrature",
+                      "earlier run: expected the same geometry, mesh or cloud, and quadrature; on a cloud functions "
+                      "depend on which parts have a [[boundary]], so keep these",
                       body));
     if (!are_same(one.response, other.response) || !are_same(one.densities, other.densities))
       fail(fmt::format("{} was of another material in the earlier run: expected the same", body));
@@ -187,8 +195,8 @@ void Driver<Dim>::begin_from(std::string_view state, bool velocities, const std:
   begin_watch();
 }
 
-template StateIdentity identify(const std::vector<DeformableBody<2>>&, const std::string&, const DynamicsOptions&);
-template StateIdentity identify(const std::vector<DeformableBody<3>>&, const std::string&, const DynamicsOptions&);
+template StateIdentity identify(const std::vector<DeformableBody<2>>&, const Scheme<2>&, const DynamicsOptions&);
+template StateIdentity identify(const std::vector<DeformableBody<3>>&, const Scheme<3>&, const DynamicsOptions&);
 template void Driver<2>::begin_from(std::string_view, bool, const std::vector<std::string>&);
 template void Driver<3>::begin_from(std::string_view, bool, const std::vector<std::string>&);
 

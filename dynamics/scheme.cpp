@@ -13,8 +13,8 @@ namespace efree {
 
 template <int Dim> void Scheme<Dim>::find_masses(World<Dim>&) {
   throw InputError(fmt::format(
-      "the method {} takes mass scaling by a factor alone, the same as in an earlier run whose state it starts from: "
-      "expected no step",
+      "the method {} takes mass scaling by a factor alone, and in a run that starts from a state the same factor as in "
+      "the earlier run (none, if that had none)",
       name()));
 }
 

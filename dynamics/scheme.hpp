@@ -32,6 +32,8 @@ template <int Dim> class Scheme {
   virtual ~Scheme() = default;
   /// Its name in results, such as "otm".
   virtual std::string name() const = 0;
+  /// Numbers of its options that a run has to share with one whose state it starts from.
+  virtual std::vector<double> identity() const { return {}; }
 
   /// First tables, node masses and what else it keeps. The world has the nodes, points and velocities of the bodies.
   virtual void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) = 0;

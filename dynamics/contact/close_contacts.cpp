@@ -85,7 +85,8 @@ template <int Dim> std::pair<Points<Dim>, double> find_moves(const std::vector<R
         deepest = std::max(deepest, -facing.gap);
         const bool misses = std::abs(facing.gap - ahead) > 0.5 * ahead;
         const bool moves = gaps ? misses && other < region : facing.gap < -ahead;
-        if (moves) moved.col(vertex) += (ahead - facing.gap) * facing.normal;
+        // Less what it moves for another region already, as above where two of them meet.
+        if (moves) moved.col(vertex) += (ahead - facing.gap - facing.normal.dot(moved.col(vertex))) * facing.normal;
       }
     }
   return {moved, deepest};
@@ -138,7 +139,8 @@ template <int Dim> void require_volumes(const FineMesh<Dim>& mesh, const Points<
 
 }  // namespace
 
-template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance) {
+template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance, bool axisymmetric) {
+  constexpr double on_axis = 1e-12;  // radius over the size of the mesh
   require(tolerance > 0.0, "close_contacts: expected a positive tolerance");
   // Where surfaces are curved, vertices of one are inside the facets of the other once these are on them, and so on.
   constexpr int passes = 10;
@@ -156,6 +158,8 @@ template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tol
     for (Index v = 0; v < x.cols(); ++v)
       if (!moves.col(v).isZero(0.0)) touched[v] = 1;
     stretch(mesh, region_of, moves);
+    for (Index v = 0; axisymmetric && v < x.cols(); ++v)
+      if (x(0, v) <= on_axis * mesh.size()) moves(0, v) = 0.0;
     x += moves;
   }
   const Vector moved = (x - mesh.vertices()).colwise().norm();
@@ -169,7 +173,7 @@ template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tol
   return result;
 }
 
-template ClosedContacts close_contacts(FineMesh<2>&, double);
-template ClosedContacts close_contacts(FineMesh<3>&, double);
+template ClosedContacts close_contacts(FineMesh<2>&, double, bool);
+template ClosedContacts close_contacts(FineMesh<3>&, double, bool);
 
 }  // namespace efree

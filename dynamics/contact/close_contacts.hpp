@@ -17,7 +17,8 @@ struct ClosedContacts {
 /// [length]: vertices of a region move along the normal onto facets of earlier ones that face them, as far as a
 /// millionth of the tolerance in front of them, so that no two become the same; then any that are inside another region
 /// move out. The rest of the region is stretched: it follows, the less the farther away it is. The body is stress-free
-/// as it is then. Throws InputError where a cell would keep less than a tenth of its volume.
-template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance);
+/// as it is then. axisymmetric: what is on the axis x = 0 stays there. Throws InputError where a cell would keep less
+/// than a tenth of its volume.
+template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance, bool axisymmetric = false);
 
 }  // namespace efree

@@ -176,13 +176,15 @@ template <int Dim> void BodySurfaces<Dim>::update(const World<Dim>& world, const
 template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, const BodySurfaces<Dim>& surfaces) {
   const Nodes<Dim>& nodes = world.nodes;
   std::set<Index> result;
+  std::vector<char> is_open(surfaces.surfaces().size(), 0);
+  for (Index a = 0; a < nodes.size(); ++a)
+    if (nodes.follows(a)) is_open[nodes.body[a]] = is_open[nodes.body[nodes.master[a]]] = 1;
   for (Index b = 0; b < static_cast<Index>(surfaces.surfaces().size()); ++b) {
     const Facets<Dim>& facets = surfaces.surfaces()[b].facets;
     const auto is_broken = [&](const auto& chunk) {
       return chunk.body == b && (chunk.matter.damage.array() >= 1.0).any();
     };
-    if (facets.cols() == 0 || std::ranges::any_of(world.nodes_of(b), [&](Index a) { return nodes.follows(a); }) ||
-        std::ranges::any_of(world.chunks, is_broken))
+    if (facets.cols() == 0 || is_open[static_cast<std::size_t>(b)] != 0 || std::ranges::any_of(world.chunks, is_broken))
       continue;
     const FacetTree<Dim> tree(nodes.x, facets);
     const double widest = widest_spacing(nodes, facets);

@@ -4,6 +4,7 @@
 
 #include "efree/dynamics/body.hpp"
 #include "efree/dynamics/options.hpp"
+#include "efree/dynamics/scheme.hpp"
 
 #include <string>
 #include <tuple>
@@ -26,16 +27,17 @@ struct BodyIdentity {
 /// What a run has to have in common with one whose state it starts from, and the mass scaling, which may differ.
 struct StateIdentity {
   std::string scheme;
+  std::vector<double> options;  ///< Scheme::identity
   int plane = 0;
   std::vector<BodyIdentity> bodies;
   double mass_factor = 1.0, scaled_step = 0.0;
   friend auto fields(StateIdentity& of) {
-    auto& [scheme, plane, bodies, mass_factor, scaled_step] = of;
-    return std::tie(scheme, plane, bodies, mass_factor, scaled_step);
+    auto& [scheme, options, plane, bodies, mass_factor, scaled_step] = of;
+    return std::tie(scheme, options, plane, bodies, mass_factor, scaled_step);
   }
 };
 
-template <int Dim> StateIdentity identify(const std::vector<DeformableBody<Dim>>& bodies, const std::string& scheme,
+template <int Dim> StateIdentity identify(const std::vector<DeformableBody<Dim>>& bodies, const Scheme<Dim>& scheme,
                                           const DynamicsOptions& options);
 /// Throws InputError for what differs: another scheme, plane or number of bodies, or a body that is another one or of
 /// another material. names: of the bodies; empty: they have numbers.

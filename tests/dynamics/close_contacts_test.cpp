@@ -54,6 +54,22 @@ TEST(CloseContacts, BlocksThatMissEachOtherTouchAndTheLaterOneIsStretched) {
   }
 }
 
+/// The middle of its underside is above the joint of the other two, and faces both.
+TEST(CloseContacts, ABlockOverTheJointOfTwoThatTouchStaysFlat) {
+  const auto block = [](double x, double to, double y, double high) {
+    return triangulate(shapes::rectangle(x, y, to, high), {.size = 0.2});
+  };
+  auto mesh = together<2>({block(0.0, 1.0, 0.0, 1.0), block(1.0, 2.0, 0.0, 1.0), block(0.2, 1.8, 1.08, 2.0)});
+  const FineMesh<2> before = mesh;
+  EXPECT_NEAR(close_contacts(mesh, 0.1).furthest, 0.08, 1e-6);
+  for (Index v = 0; v < mesh.num_vertices(); ++v) {
+    if (std::abs(before.vertex(v)[1] - 1.08) < 1e-12) {
+      EXPECT_NEAR(mesh.vertex(v)[1], 1.0, 1e-6);
+    }
+    EXPECT_NEAR(mesh.vertex(v)[0], before.vertex(v)[0], 1e-12);
+  }
+}
+
 Polyline circle(int corners) {
   Polyline line{.name = "", .points = {}};
   for (int k = 0; k <= corners; ++k) {

@@ -205,6 +205,18 @@ TEST(EarlierState, OfOtherBodiesMethodsAndMaterialsIsRefused) {
               ThrowsMessage<InputError>(HasSubstr("another material")));
   EXPECT_THAT(refuses(block(Method::otm, 0.12, metal(10.0)), block(Method::otm, 0.12, metal(11.0))),
               ThrowsMessage<InputError>(HasSubstr("another material")));
+  const auto points = [](const MpmOptions& options) {
+    const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.5});
+    return Dynamics<2>({points_on_lattice(mesh, options, 2, rubber(1000.0), 1.0),
+                        points_on_lattice(triangulate(shapes::rectangle(1.0, 0.0, 2.0, 1.0), {.size = 0.5}), options, 2,
+                                          rubber(1000.0), 1.0)},
+                       mpm<2>(options));
+  };
+  for (const MpmOptions& other : {MpmOptions{.cell = 0.25, .degree = 3},
+                                  {.cell = 0.25, .transfer = Transfer::polypic},
+                                  {.cell = 0.25, .ties = {{0, 1}}}})
+    EXPECT_THAT(refuses(points({.cell = 0.25}), points(other)),
+                ThrowsMessage<InputError>(HasSubstr("expected the same cell, degree, transfer")));
   Dynamics<2> walled = block(Method::otm);
   walled.add_wall({.normal = {0.0, 1.0}, .level = -1.0});
   EXPECT_THAT(refuses(otm, std::move(walled)), ThrowsMessage<InputError>(HasSubstr("without walls")));

@@ -75,8 +75,8 @@ template <int Dim> class BodySurfaces {
   Index surface_changes_ = -1;  ///< of the world when surfaces_ were found
 };
 
-/// Material points that are inside another body by half a spacing and more, ascending. Bodies with merged nodes or
-/// broken points are left out: their surface does not enclose them.
+/// Material points that are inside another body by half a spacing and more, ascending. Bodies with merged or
+/// tied nodes, or broken points, are left out: their surface does not enclose them.
 template <int Dim> std::vector<Index> points_in_others(const World<Dim>& world, const BodySurfaces<Dim>& surfaces);
 
 /// The node that is deepest inside another body, no deeper than `largest_depth`; no node where there is none.

@@ -65,6 +65,12 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
  public:
   explicit Mpm(const MpmOptions& options) : options_(options), grid_(options) { require_options(options); }
   std::string name() const override { return "mpm"; }
+  std::vector<double> identity() const override {
+    std::vector<double> numbers{options_.cell, 1.0 * options_.degree, static_cast<double>(options_.transfer),
+                                1.0 * options_.order, options_.remap ? 1.0 : 0.0};
+    for (const auto& [a, b] : options_.ties) numbers.insert(numbers.end(), {1.0 * a, 1.0 * b});
+    return numbers;
+  }
   bool nodes_persist() const override { return false; }
 
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;

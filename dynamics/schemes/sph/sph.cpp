@@ -77,6 +77,10 @@ template <int Dim> class Sph final : public Scheme<Dim> {
  public:
   explicit Sph(const SphOptions& options) : options_(options) { require_options(options); }
   std::string name() const override { return "sph"; }
+  std::vector<double> identity() const override {
+    return {options_.spacing, options_.smoothing, static_cast<double>(options_.kernel), options_.corrected ? 1.0 : 0.0,
+            options_.splitting.strain};
+  }
 
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
   void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
