@@ -388,13 +388,21 @@ template <int Dim> void check_times(const DynamicsSettings<Dim>& settings, doubl
           fmt::format("{} is {:.3g}, next to nothing compared with a stable step, {:.3g}", name, time, stable)));
 }
 
-/// Whether regions are tied: they touch, and the method can.
+/// Whether the method ties regions that touch.
+template <int Dim> bool can_tie(const DynamicsSettings<Dim>& settings) {
+  switch (settings.method) {
+    case DynamicsMethod::otm:
+      return !settings.otm.seizing;
+    case DynamicsMethod::mpm:
+      return settings.mpm.frame != MpmFrame::total;
+    case DynamicsMethod::sph:
+      return settings.sph.frame == SphFrame::updated;
+    default:
+      return false;
+  }
+}
 template <int Dim> bool ties_regions(const FineMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings) {
-  const bool can = settings.method == DynamicsMethod::otm ? !settings.otm.seizing
-                   : settings.method == DynamicsMethod::mpm
-                       ? settings.mpm.frame != MpmFrame::total
-                       : settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::updated;
-  return settings.tied && can && !tied_facets(mesh).empty();
+  return settings.tied && can_tie(settings) && !tied_facets(mesh).empty();
 }
 
 /// Bodies whose regions touch.
@@ -484,9 +492,8 @@ template <int Dim> void close_gaps(const DynamicsSettings<Dim>& settings, Prepar
         settings.closed_gap));
   else
     prepared.remarks.push_back(
-        fmt::format("gaps and overlaps between regions are closed: {} vertices, moved by up to "
-                    "{:.3g}",
-                    closed.vertices, closed.furthest));
+        fmt::format("gaps and overlaps between regions are closed: {} vertices, moved by up to {:.3g}", closed.vertices,
+                    closed.furthest));
   if (closed.overlap > 0.01 * settings.closed_gap)
     prepared.warnings.push_back(
         fmt::format("Bodies overlap by up to {:.3g} after contact.close: contact pushes them apart in the first steps. "

@@ -13,8 +13,8 @@ template <int Dim> std::string warn_of_inertia(const DynamicsSettings<Dim>& sett
   const AddedInertia inertia = dynamics.added_inertia();
   if (settings.options.mass_scaling.on() && inertia.empty())
     return "Motion and forces may be wrong: the error by mass scaling is not known, as the run is shorter than three "
-           "times "
-           "that a wave takes through a body. Mass scaling is for quasi-static processes: leave it out in short ones";
+           "times that a wave takes through a body. Mass scaling is for quasi-static processes: leave it out in short "
+           "ones";
   const double error = inertia.error();
   if (!(error > warned_inertia)) return {};
   const std::string advice = fmt::format(

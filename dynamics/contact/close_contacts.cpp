@@ -97,13 +97,13 @@ template <int Dim> std::pair<Points<Dim>, double> find_moves(const std::vector<R
 /// zero where it does not move by itself.
 template <int Dim> void stretch(const FineMesh<Dim>& mesh, const std::vector<Index>& region_of, Points<Dim>& moved) {
   constexpr std::size_t most = 2048;  // vertices that others follow
-  std::vector<std::vector<Index>> leaders(static_cast<std::size_t>(mesh.num_regions()));
+  std::vector<std::vector<Index>> moving(static_cast<std::size_t>(mesh.num_regions()));
   for (Index v = 0; v < mesh.num_vertices(); ++v)
-    if (!moved.col(v).isZero(0.0)) leaders[region_of[v]].push_back(v);
+    if (!moved.col(v).isZero(0.0)) moving[region_of[v]].push_back(v);
   Points<Dim> following = moved;
   Vector distance = Vector::Zero(mesh.num_vertices()), farthest = Vector::Zero(mesh.num_regions());
   parallel_for(mesh.num_vertices(), [&](Index v) {
-    const std::vector<Index>& of = leaders[region_of[v]];
+    const std::vector<Index>& of = moving[region_of[v]];
     if (of.empty() || !moved.col(v).isZero(0.0)) return;
     double sum = 0.0, nearest = std::numeric_limits<double>::infinity();
     Vec<Dim> mean = Vec<Dim>::Zero();

@@ -322,10 +322,7 @@ template <int Dim> void read_state_start(DynamicsCase<Dim>& dynamics_case) {
     unpack(record), unpack(contact_forces), unpack(ranges);
     start.state = unpack.rest();
   } catch (const InputError& error) {
-    std::string message = error.what();
-    for (const char* advice : {": run without --resume", "; run without --resume"})
-      if (const auto at = message.find(advice); at != std::string::npos) message.erase(at);
-    throw InputError(internal::said_at(start.where, message));
+    throw InputError(internal::said_at(start.where, error.what()));
   }
 }
 

@@ -77,6 +77,8 @@ void write_sealed(const fs::path& file, std::string_view kind, int dimension, Ca
 
 Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, const std::optional<CaseMark>& of) {
   const auto fail = [&](const std::string& why) { throw InputError(fmt::format("{}: {}", file.string(), why)); };
+  // The run of the case may begin anew instead; one that starts from any other may not.
+  const auto damaged = [&] { of ? is_damaged(file) : fail("the file is damaged"); };
   Sealed result;
   std::string& bytes = result.file;
   std::error_code unknown;
@@ -88,10 +90,10 @@ Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, c
   if (!stream) fail("the steps of an earlier run cannot be read");
   if (!bytes.starts_with(kind)) fail("expected the steps of an earlier run of efree");
   std::uint64_t sum = 0;
-  if (bytes.size() < kind.size() + sizeof sum) is_damaged(file);
+  if (bytes.size() < kind.size() + sizeof sum) damaged();
   std::memcpy(&sum, bytes.data() + bytes.size() - sizeof sum, sizeof sum);
   bytes.resize(bytes.size() - sizeof sum);
-  if (sum != Fingerprint().add(bytes).value()) is_damaged(file);
+  if (sum != Fingerprint().add(bytes).value()) damaged();
   Unpacker unpack(std::string_view(bytes).substr(kind.size()));
   std::string by;
   int its_dimension = 0;
@@ -99,10 +101,11 @@ Sealed read_sealed(const fs::path& file, std::string_view kind, int dimension, c
     unpack(by);
     if (by == version()) unpack(its_dimension), unpack(result.of.what), unpack(result.of.how);
   } catch (const InputError&) {
-    is_damaged(file);
+    damaged();
   }
   if (by != version())
-    fail(fmt::format("these steps are of efree {}, and this is {}: run without --resume", by, version()));
+    fail(fmt::format("these steps are of efree {}, and this is {}{}", by, version(),
+                     of ? ": run without --resume" : ""));
   if (!of && its_dimension != dimension)
     fail(fmt::format("this run is {}, expected one {}", its_dimension == 2 ? "in the plane" : "in space",
                      dimension == 2 ? "in the plane" : "in space"));
