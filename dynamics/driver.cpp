@@ -27,11 +27,13 @@ constexpr Index checks_in_a_row = 8;
 
 /// A sum that remembers what rounding keeps from it (Kahan 1965): over many steps, angular momentum would feel it.
 template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Dim>& rest) {
-  for (Eigen::Index k = 0; k < sum.size(); ++k) {
-    const double change = more(k) + rest(k), before = sum(k);
-    sum(k) += change;
-    rest(k) = change - (sum(k) - before);
-  }
+  parallel_chunks(static_cast<Index>(sum.cols()), 1024, [&](Index begin, Index end) {
+    for (Eigen::Index k = Dim * begin; k < Dim * end; ++k) {
+      const double change = more(k) + rest(k), before = sum(k);
+      sum(k) += change;
+      rest(k) = change - (sum(k) - before);
+    }
+  });
 }
 
 template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<Dim>& scheme) {

@@ -50,9 +50,8 @@ template <int Dim> void find_velocities(const World<Dim>& world, const Points<Di
     before = nodes.free.cwiseProduct(velocities);
     parallel_for(N, [&](Index a) {
       if (consistent.terms[nodes.body[a]] <= k) return;
-      Vec<Dim> rest = consistent.free_sum.col(a).cwiseProduct(velocities.col(a));
-      for (SparseRows::InnerIterator entry(consistent.coupling, a); entry; ++entry)
-        rest -= entry.value() * before.col(entry.col());
+      const Vec<Dim> rest =
+          consistent.free_sum.col(a).cwiseProduct(velocities.col(a)) - row_times<Dim>(consistent.coupling, a, before);
       velocities.col(a) = (impulses.col(a) + nodes.free.col(a).cwiseProduct(rest)) / nodes.mass[a];
     });
   }

@@ -6,6 +6,21 @@
 
 namespace efree {
 
+/// Sum of the values of a row times the columns they stand for, in turn by two sums, as an addition waits for the one
+/// before it.
+template <int R> Vec<R> row_times(const SparseRows& matrix, Index row, const Points<R>& columns) {
+  const Index *column = matrix.innerIndexPtr(), *end = column + matrix.outerIndexPtr()[row + 1];
+  const double* value = matrix.valuePtr() + matrix.outerIndexPtr()[row];
+  column += matrix.outerIndexPtr()[row];
+  Vec<R> even = Vec<R>::Zero(), odd = even;
+  for (; column + 1 < end; column += 2, value += 2) {
+    even += value[0] * columns.col(column[0]);
+    odd += value[1] * columns.col(column[1]);
+  }
+  if (column < end) even += value[0] * columns.col(column[0]);
+  return even + odd;
+}
+
 /// nodes.mass = sum of N_a times the masses of the points. Cost: once through all tables.
 template <int Dim> void sum_lumped_masses(World<Dim>& world);
 /// Likewise nodes.added_mass, of the added masses of the points.

@@ -276,7 +276,7 @@ template <int Dim> void RigidContact<Dim>::finish_kick(World<Dim>& world, double
     lost_by_friction -= (impulse - along * normal).dot(relative);
   }
   for (Rigid& rigid : rigids_) {
-    auto& [body, who, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+    auto& [body, who, now, before, near_points, point_impulses, pushed, travelled, friction, point_friction, impulse,
            angular_impulse, velocity_before] = rigid;
     const double work = -0.5 * impulse.dot(before.velocity + now.velocity),
                  angular_work = -0.5 * angular_impulse.dot(before.spin + now.spin);

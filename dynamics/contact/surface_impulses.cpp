@@ -7,108 +7,9 @@
 namespace efree::internal {
 namespace {
 
-/// The nodes near a rigid body: velocities of surface points by impulses on these. Both have R components: one along
-/// the normal, or all along the axes.
-template <int R> class Patch {
- public:
-  using Values = Eigen::Matrix<double, R, Eigen::Dynamic>;
-  using Value = Eigen::Matrix<double, R, 1>;
-
-  /// `free`: of all nodes, 0 where velocities are prescribed, else 1.
-  template <int Dim> Patch(const World<Dim>& world, const std::vector<Index>& near, const Values& free) {
-    const ConsistentMass<Dim>& consistent = world.consistent_mass;
-    const auto terms_at = [&](Index a) { return consistent.any() ? consistent.terms[world.nodes.body[a]] : 1; };
-    std::vector<Index> number(world.nodes.size(), -1);
-    const auto add = [&](Index a) {
-      if (number[a] < 0) {
-        number[a] = static_cast<Index>(nodes_.size());
-        nodes_.push_back(a);
-      }
-      return number[a];
-    };
-    Index terms = 1;
-    for (const Index s : near) {
-      for (SparseRows::InnerIterator entry(world.surface_points.shape, s); entry; ++entry) {
-        points_.entries.push_back({add(entry.col()), entry.value()});
-        terms = std::max(terms, terms_at(entry.col()));
-      }
-      points_.end_row();
-    }
-    // Nodes that the terms of the series couple with each other.
-    for (Index ring = 0; ring < (terms - 1) / 2; ++ring)
-      for (std::size_t k = 0, known = nodes_.size(); k < known; ++k)
-        for (SparseRows::InnerIterator entry(consistent.coupling, nodes_[k]); entry; ++entry) add(entry.col());
-    const auto n = static_cast<Index>(nodes_.size());
-    free_ = free(Eigen::all, nodes_);
-    mass_ = world.nodes.mass(nodes_);
-    free_sum_.setZero(R, n);
-    for (Index k = 0; k < n; ++k) {
-      terms_.push_back(terms_at(nodes_[k]));
-      if (consistent.any())
-        for (SparseRows::InnerIterator entry(consistent.coupling, nodes_[k]); entry; ++entry) {
-          free_sum_.col(k) += entry.value() * free.col(entry.col());
-          if (number[entry.col()] >= 0) coupling_.entries.push_back({number[entry.col()], entry.value()});
-        }
-      coupling_.end_row();
-    }
-    find_bounds();
-  }
-
-  Index size() const { return static_cast<Index>(points_.offsets.size()) - 1; }
-  /// By point, bounds of the matrix from impulses to velocities (Gershgorin's circles).
-  const Vector& bounds() const { return bounds_; }
-
-  /// Velocities of the points by impulses on them; see velocities_of.
-  Values velocities(const Values& impulses) const {
-    Values on_nodes = Values::Zero(R, mass_.size());
-    for (Index s = 0; s < size(); ++s)
-      for (const auto& [node, value] : points_.row(s)) on_nodes.col(node) += value * impulses.col(s);
-    const Values given = free_.cwiseProduct(on_nodes);
-    Values result = given * mass_.cwiseInverse().asDiagonal();
-    for (Index term = 1; term < std::ranges::max(terms_); ++term) {
-      const Values before = result, free_part = free_.cwiseProduct(before);
-      for (Index k = 0; k < mass_.size(); ++k) {
-        if (terms_[k] <= term) continue;
-        Value rest = free_sum_.col(k).cwiseProduct(before.col(k));
-        for (const auto& [node, value] : coupling_.row(k)) rest -= value * free_part.col(node);
-        result.col(k) = (given.col(k) + free_.col(k).cwiseProduct(rest)) / mass_[k];
-      }
-    }
-    Values at_points = Values::Zero(R, size());
-    for (Index s = 0; s < size(); ++s)
-      for (const auto& [node, value] : points_.row(s)) at_points.col(s) += value * result.col(node);
-    return at_points;
-  }
-
- private:
-  struct Rows {
-    std::vector<std::size_t> offsets{0};
-    std::vector<std::pair<Index, double>> entries;  ///< nodes and values
-    void end_row() { offsets.push_back(entries.size()); }
-    auto row(Index k) const { return std::span(entries).subspan(offsets[k], offsets[k + 1] - offsets[k]); }
-  };
-  /// The series of the inverse mass is at most D^-1 times the number of its terms.
-  void find_bounds() {
-    Vector sums = Vector::Zero(mass_.size());
-    for (const auto& [node, value] : points_.entries) sums[node] += std::abs(value);
-    bounds_.setZero(size());
-    for (Index s = 0; s < size(); ++s)
-      for (const auto& [node, value] : points_.row(s))
-        bounds_[s] += static_cast<double>(terms_[node]) * std::abs(value) / mass_[node] * sums[node];
-  }
-
-  std::vector<Index> nodes_, terms_;
-  Rows points_, coupling_;
-  Vector mass_, bounds_;
-  Values free_, free_sum_;
-};
-
 /// Values at the nodes interpolated to a surface point.
 template <int Dim> Vec<Dim> at_surface_point(const World<Dim>& world, Index s, const Points<Dim>& values) {
-  Vec<Dim> sum = Vec<Dim>::Zero();
-  for (SparseRows::InnerIterator entry(world.surface_points.shape, s); entry; ++entry)
-    sum += entry.value() * values.col(entry.col());
-  return sum;
+  return row_times<Dim>(world.surface_points.shape, s, values);
 }
 
 }  // namespace
@@ -118,6 +19,8 @@ template <int Dim> Vec<Dim> at_surface_point(const World<Dim>& world, Index s, c
 template <int Dim> void RigidContact<Dim>::find_near_points(const World<Dim>& world) {
   const Points<Dim>& x = world.nodes.x;
   const SurfacePoints& surface = world.surface_points;
+  if (inverse_mass_.follow(world))
+    for (Rigid& rigid : rigids_) rigid.pushed = {};
   if (x_searched_.cols() != 0) {
     const double furthest = std::sqrt((x - x_searched_).colwise().squaredNorm().maxCoeff());
     double travelled = 0.0;
@@ -140,6 +43,7 @@ template <int Dim> void RigidContact<Dim>::find_near_points(const World<Dim>& wo
       impulses.col(place - found.begin()) = rigid.point_impulses.col(static_cast<Index>(k));
       friction[place - found.begin()] = rigid.point_friction[k];
     }
+    if (found != rigid.near_points) rigid.pushed = {};
     rigid.near_points = std::move(found);
     rigid.point_impulses = std::move(impulses);
     rigid.point_friction = std::move(friction);
@@ -169,7 +73,6 @@ template <int Dim> Points<1> RigidContact<Dim>::find_point_friction(const World<
 /// by_friction: the part of friction (Dim x near points). False if no point approaches or has friction.
 template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt,
                                                                Points<Dim>& by_friction) {
-  const Points<Dim>& free = world.nodes.free;
   const auto n = static_cast<Index>(rigid.near_points.size());
   Points<Dim> normals(Dim, n), velocities(Dim, n);
   Points<1> closing(1, n);
@@ -184,30 +87,39 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   const auto along = [&](const Points<Dim>& values) { return Points<1>(normals.cwiseProduct(values).colwise().sum()); };
   const Points<1> approach = along(velocities) + closing;
   const double largest = -approach.minCoeff();
+  by_friction.setZero(Dim, n);
+  if (largest <= 0.0 && !(rigid.body.friction > 0.0)) {
+    rigid.point_impulses.setZero();
+    return false;
+  }
   Points<1> normal = along(rigid.point_impulses);
   const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
   const bool is_flat = (normals.colwise() - first).isZero(0.0);
+  auto& [along_normal, along_axes, flat_normal] = rigid.pushed;
+  const auto all_axes = [&]() -> const PushedPoints<Dim>& {
+    if (!along_axes) along_axes.emplace(world, inverse_mass_, rigid.near_points, first);
+    return *along_axes;
+  };
   if (largest <= 0.0) {
     normal.setZero();
   } else if (is_flat) {
-    const Patch<1> flat(world, rigid.near_points, Points<1>(first.cwiseAbs2().transpose() * free));
+    if (!along_normal || flat_normal != first) along_normal.emplace(world, inverse_mass_, rigid.near_points, first);
+    flat_normal = first;
     minimise_energy<1>(
-        flat, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+        *along_normal, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
   } else {
     Points<Dim> impulses = normals * normal.asDiagonal();
     minimise_energy<Dim>(
-        Patch<Dim>(world, rigid.near_points, free), normals * approach.asDiagonal(), largest,
+        all_axes(), normals * approach.asDiagonal(), largest,
         [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
         impulses);
     normal = along(impulses);
   }
   rigid.point_impulses = normals * normal.asDiagonal();
-  by_friction.setZero(Dim, n);
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
   if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
-  by_friction =
-      friction_impulses<Dim>(Patch<Dim>(world, rigid.near_points, free), velocities, normals, most, largest, before);
+  by_friction = friction_impulses<Dim>(all_axes(), velocities, normals, most, largest, before);
   rigid.point_impulses += by_friction;
   return true;
 }

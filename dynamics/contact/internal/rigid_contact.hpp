@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/dynamics/contact/internal/friction.hpp"
+#include "efree/dynamics/contact/internal/pushed_points.hpp"
 #include "efree/dynamics/contact/rigid_body.hpp"
 #include "efree/dynamics/interaction.hpp"
 #include "efree/dynamics/points.hpp"
@@ -32,13 +33,20 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   void pack(Archive& archive) override;
 
  private:
+  /// How impulses move the near points of a rigid body, as far as it has been found.
+  struct Pushed {
+    std::optional<PushedPoints<1>> along_normal{};
+    std::optional<PushedPoints<Dim>> along_axes{};
+    Vec<Dim> normal = Vec<Dim>::Zero();  ///< where it is flat
+  };
   /// A wall or rigid body in the run.
   struct Rigid {
     RigidBody<Dim> body;
-    ContactPartner who;                             ///< which of World::walls, or of the rigid bodies, it is
-    RigidState<Dim> now, before;                    ///< before: a step ago
-    std::vector<Index> near_points{};               ///< surface points that may come into contact soon, ascending
-    Points<Dim> point_impulses{};                   ///< on these in the last step
+    ContactPartner who;                ///< which of World::walls, or of the rigid bodies, it is
+    RigidState<Dim> now, before;       ///< before: a step ago
+    std::vector<Index> near_points{};  ///< surface points that may come into contact soon, ascending
+    Points<Dim> point_impulses{};      ///< on these in the last step
+    Pushed pushed{};
     double travelled = 0.0;                         ///< since these were found [length]
     std::vector<DelayedFriction> friction{};        ///< by node; empty: none
     std::vector<DelayedFriction> point_friction{};  ///< by near point
@@ -78,7 +86,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     }
     // Shapes and prescribed motions are given again by whoever resumes a run; the rest begins with every step.
     friend auto fields(Rigid& of) {
-      auto& [body, who, now, before, near_points, point_impulses, travelled, friction, point_friction, impulse,
+      auto& [body, who, now, before, near_points, point_impulses, pushed, travelled, friction, point_friction, impulse,
              angular_impulse, velocity_before] = of;
       return std::tie(now, near_points, point_impulses, travelled, friction, point_friction);
     }
@@ -122,7 +130,8 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
 
   const Scheme<Dim>& scheme_;
   std::vector<Rigid> rigids_;
-  Points<Dim> x_searched_;  ///< positions of the nodes when near points were found; empty: not yet
+  Points<Dim> x_searched_;         ///< positions of the nodes when near points were found; empty: not yet
+  InverseMass<Dim> inverse_mass_;  ///< where surface points are in contact
   // In this step.
   std::vector<Gap<Dim>> gaps_;  ///< by node, to one rigid body
   std::vector<NodeImpulse> node_impulses_;

@@ -47,6 +47,13 @@ template <int Dim> Mat<Dim> rotation_of(const Mat<Dim>& velocities, const Mat<Di
   }
 }
 
+/// What a node gets of a point.
+template <int Dim> struct NodeShare {
+  Index node;
+  double mass;
+  Vec<Dim> momentum;
+};
+
 /// Points whose shape functions change together: their momentum goes from the nodes they had to those they get.
 template <int Dim> class PointGroup {
  public:
@@ -57,8 +64,8 @@ template <int Dim> class PointGroup {
     mass_ += chunk_.matter.mass[p];
     centre_ += chunk_.matter.mass[p] * chunk_.matter.x.col(p);
   }
-  /// Changes the masses and momenta of the nodes.
-  void transfer(MomentumTransfer how, Vector& masses, Points<Dim>& momenta) {
+  /// Adds what the nodes they had lose, and those they get have more.
+  void transfer(MomentumTransfer how, std::vector<NodeShare<Dim>>& shares) {
     if (rows_.empty()) return;
     centre_ /= mass_;
     for (const auto& [p, row] : rows_)
@@ -66,8 +73,7 @@ template <int Dim> class PointGroup {
         const double part = chunk_.matter.mass[p] * entry.N;
         velocity_ += part / mass_ * v_.col(a);
         gradient_ += part / mass_ * v_.col(a) * (x_.col(a) - centre_).transpose();
-        masses[a] -= part;
-        momenta.col(a) -= part * v_.col(a);
+        shares.push_back({a, -part, -part * v_.col(a)});
       }
     Vec<Dim> shift = Vec<Dim>::Zero();
     Mat<Dim> turn = Mat<Dim>::Zero();
@@ -75,9 +81,8 @@ template <int Dim> class PointGroup {
     for (const auto& [p, row] : rows_)
       for (const auto& [a, entry] : *row) {
         const double part = chunk_.matter.mass[p] * entry.N;
-        masses[a] += part;
         const Vec<Dim> v = v_.col(a) + shift + turn * (x_.col(a) - centre_);
-        momenta.col(a) += part * (how == MomentumTransfer::points ? velocity_ : v);
+        shares.push_back({a, part, part * (how == MomentumTransfer::points ? velocity_ : v)});
       }
   }
 
@@ -147,6 +152,7 @@ template <int Dim> class Reconnecting {
     compute_shape_functions();
     share_and_move_references();
     transfer_momentum();
+    count_changes();
     put_rows();
     merge_points(world_, state_);
     world_.find_node_chunks();
@@ -218,6 +224,42 @@ template <int Dim> class Reconnecting {
     });
   }
 
+  /// What nodes get of the points of each change.
+  std::vector<std::vector<NodeShare<Dim>>> share_masses() {
+    std::vector<std::vector<NodeShare<Dim>>> result(changes_.size());
+    parallel_chunks(static_cast<Index>(changes_.size()), 1, [&](Index k, Index) {
+      const Reconnection& change = changes_[k];
+      const OtmPoints<Dim>& points = state_.points[change.chunk];
+      // Points that pairs join, one by another, go together; by the first of them.
+      std::vector<std::size_t> first(points.due.size());
+      std::iota(first.begin(), first.end(), 0);
+      for (const auto& pair : points.pairs) {
+        const std::size_t one = first[points.place(pair.first)], other = first[points.place(pair.second)];
+        std::ranges::replace(first, std::max(one, other), std::min(one, other));
+      }
+      std::vector<PointGroup<Dim>> groups(points.due.size(), {world_, world_.chunks[change.chunk]});
+      for (std::size_t w = 0; w < points.due.size(); ++w) groups[first[w]].add(points.due[w], change.rows[w]);
+      for (auto& group : groups) group.transfer(state_.options.momentum, result[k]);
+    });
+    return result;
+  }
+
+  void count_changes() {
+    for (const Reconnection& change : changes_) {
+      const auto due = std::ssize(state_.points[change.chunk].due);
+      world_.reconnections += due;
+      world_.ledger.add_count("reconnections", due);
+      for (const auto& [name, count] : {std::pair("lme iterations", &PointChange::iterations),
+                                        {"enlarged supports", &PointChange::enlarged},
+                                        {"kept supports", &PointChange::kept},
+                                        {"shared supports", &PointChange::shared}}) {
+        std::int64_t sum = 0;
+        for (const PointChange& point : change.points) sum += point.*count;
+        world_.ledger.add_count(name, sum);
+      }
+    }
+  }
+
   void transfer_momentum() {
     Nodes<Dim>& nodes = world_.nodes;
     const auto kinetic_energy = [&] {
@@ -229,31 +271,12 @@ template <int Dim> class Reconnecting {
     Points<Dim> momenta = Points<Dim>::Zero(Dim, nodes.size());
     Vector masses = Vector::Zero(nodes.size());
     double lost = 0.0;
-    for (const Reconnection& change : changes_) {
-      const OtmPoints<Dim>& points = state_.points[change.chunk];
-      lost += change.stabilisation;
-      const auto due = static_cast<std::int64_t>(points.due.size());
-      world_.reconnections += due;
-      world_.ledger.add_count("reconnections", due);
-      for (const auto& [name, count] : {std::pair("lme iterations", &PointChange::iterations),
-                                        {"enlarged supports", &PointChange::enlarged},
-                                        {"kept supports", &PointChange::kept},
-                                        {"shared supports", &PointChange::shared}}) {
-        std::int64_t sum = 0;
-        for (const PointChange& point : change.points) sum += point.*count;
-        world_.ledger.add_count(name, sum);
+    for (const Reconnection& change : changes_) lost += change.stabilisation;
+    for (const auto& shares : share_masses())
+      for (const auto& [a, mass, momentum] : shares) {
+        masses[a] += mass;
+        momenta.col(a) += momentum;
       }
-      // Points that pairs join, one by another, go together; by the first of them.
-      std::vector<std::size_t> first(points.due.size());
-      std::iota(first.begin(), first.end(), 0);
-      for (const auto& pair : points.pairs) {
-        const std::size_t one = first[points.place(pair.first)], other = first[points.place(pair.second)];
-        std::ranges::replace(first, std::max(one, other), std::min(one, other));
-      }
-      std::vector<PointGroup<Dim>> groups(points.due.size(), {world_, world_.chunks[change.chunk]});
-      for (std::size_t w = 0; w < points.due.size(); ++w) groups[first[w]].add(points.due[w], change.rows[w]);
-      for (auto& group : groups) group.transfer(state_.options.momentum, masses, momenta);
-    }
     for (Index a = 0; a < nodes.size(); ++a) {
       if (masses[a] == 0.0 && momenta.col(a).isZero(0.0)) continue;
       const Vec<Dim> l = nodes.mass[a] * nodes.v.col(a) + momenta.col(a);

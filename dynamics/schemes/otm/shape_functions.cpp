@@ -49,17 +49,19 @@ template <int Dim> Mat<Dim> limited(const Mat<Dim>& metric, double ratio) {
 
 template <int Dim> void NodeSearch<Dim>::follow(const World<Dim>& world) {
   trees_.resize(world.num_bodies());
-  moved_.resize(world.num_bodies());
-  for (Index b = 0; b < world.num_bodies(); ++b) {
+  parallel_chunks(world.num_bodies(), 1, [&](Index b, Index) {
+    auto& [nodes, shift, moved] = trees_[b];
     const Index first = world.first_node[b], count = world.first_node[b + 1] - first;
     const auto x = world.nodes.x.middleCols(first, count);
-    if (const Points<Dim>& then = trees_[b].points(); then.cols() == count) {
-      moved_[b] = std::sqrt((x - then).colwise().squaredNorm().maxCoeff());
-      if (moved_[b] <= tree_skin * world.nodes.spacing.segment(first, count).minCoeff()) continue;
+    if (const Points<Dim>& then = nodes.points(); then.cols() == count) {
+      shift = (x - then).rowwise().mean();
+      moved = std::sqrt(((x - then).colwise() - shift).colwise().squaredNorm().maxCoeff());
+      if (moved <= tree_skin * world.nodes.spacing.segment(first, count).minCoeff()) return;
     }
-    trees_[b].build(x);
-    moved_[b] = 0.0;
-  }
+    nodes.build(x);
+    shift.setZero();
+    moved = 0.0;
+  });
 }
 
 /// Bodies whose nodes may be in a point's support: its own, those of its nodes so far, and those seized by these nodes.

@@ -53,18 +53,24 @@ template <int Dim> struct OtmPoints {
 /// Nodes near a place, body by body, though they have moved a little since the trees were built.
 template <int Dim> class NodeSearch {
  public:
-  /// Builds trees, again when nodes have moved so far that a search would find many that are too far away.
+  /// Builds trees, again when nodes have moved against each other so far that a search would find many that are too far
+  /// away.
   void follow(const World<Dim>& world);
   /// Nodes of the body, numbered by it, that may be within r: among them all that are.
   void within(Index body, const Vec<Dim>& x, double r, std::vector<Index>& found) const {
-    trees_[body].within(x, r + moved_[body], found);
+    const auto& [nodes, shift, moved] = trees_[body];
+    nodes.within(x - shift, r + moved, found);
   }
-  /// The nearest of the body when the tree was built.
-  Index nearest(Index body, const Vec<Dim>& x) const { return trees_[body].nearest(x); }
+  /// The nearest of the body, of those where the tree has them.
+  Index nearest(Index body, const Vec<Dim>& x) const { return trees_[body].nodes.nearest(x - trees_[body].shift); }
 
  private:
-  std::vector<Neighbours<Dim>> trees_;
-  std::vector<double> moved_;  ///< largest displacement of a node since then
+  struct Tree {
+    Neighbours<Dim> nodes{};
+    Vec<Dim> shift = Vec<Dim>::Zero();  ///< mean displacement of the nodes since they were put into it
+    double moved = 0.0;                 ///< largest displacement of a node since then, less that
+  };
+  std::vector<Tree> trees_;  ///< by body
 };
 
 /// Nodes that a point may have in its support: shape functions do not reach across cracks, nor across gaps between
