@@ -169,19 +169,12 @@ template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elemen
   } else {
     settings.common.approximation.spacing = spacing;
   }
-  if (coarser) {
-    if (!settings.time) settings.time.emplace();
-    auto& stops = settings.time->path.stops;
-    for (const double time : times_of(*coarser)) stops.push_back(time);
-    std::ranges::sort(stops);
-    stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
-  }
   settings.steps.coarser = std::move(coarser);
   settings.steps.from_another = true;
   return settings;
 }
 
-/// The largest error of a path over what is bearable; nothing where it is unknown.
+/// The largest error of a path that a finer one would not have over what is bearable; nothing where it is unknown.
 template <int Dim> std::optional<double> excess_of_path(const Settings<Dim>& settings, const Result<Dim>& result) {
   if (result.estimates) {
     double history = 0.0;
@@ -195,7 +188,7 @@ template <int Dim> std::optional<double> excess_of_path(const Settings<Dim>& set
   const bool complete =
       result.path_errors->until == result.history.back().time || (result.path_errors->limit && !by_arc);
   if (!complete) return {};
-  return result.path_errors->largest().first / bearable_error_of_path;
+  return result.path_errors->space / bearable_error_of_path;  // a finer mesh has no smaller steps
 }
 
 /// Solves level after level.

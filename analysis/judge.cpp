@@ -98,9 +98,11 @@ template <int Dim> void judge_more(const Settings<Dim>& settings, Result<Dim>& r
 template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& result) {
   if (!result.path_errors) return;
   const PathErrors& errors = *result.path_errors;
-  const char* advice = settings.common.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud"
-                                                                            : "use a smaller mesh_size";
   const auto [most, of] = errors.largest();
+  const char* advice = 2.0 * errors.steps > most ? "most of it is by the size of the steps, use smaller ones ([time] "
+                                                   "step and max_step)"
+                       : settings.common.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud"
+                                                                              : "use a smaller mesh_size";
   const auto judge_one = [&](const std::string& what, double error, double bearable) {
     if (error < std::min(bearable, settings.largest_error)) return;
     const std::string text =

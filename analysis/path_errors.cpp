@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Errors of load paths, by comparison with a coarser path.
+#include "efree/analysis/internal/path_curves.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
-#include "efree/assembly/follower_pressure.hpp"
 #include "efree/core/error.hpp"
 
 #include <fmt/format.h>
@@ -39,79 +39,11 @@ template <int Dim> double spacing_ratio(const Result<Dim>& coarser, const Result
 
 /// The same path by a coarser cloud, which stops wherever the other has.
 template <int Dim> Settings<Dim> coarser(const Settings<Dim>& settings, const Result<Dim>& result) {
-  Settings<Dim> other = settings;
-  other.estimated = other.corrected = false;
-  other.regime = result.regime;
-  other.common.model = result.model;
-  other.steps = {};
+  Settings<Dim> other = same_path(settings, result);
   other.common.approximation.interpolation = result.approximation.space.degree();
   other.common.approximation.grading.scale *= coarsening;
-  if (!other.time) other.time.emplace();
-  if (result.regime == Regime::linear) {
-    other.loads = at_rest(std::move(other.loads));
-    if (auto& acting = other.time->acting)
-      acting = [all = std::move(acting)](double time) {
-        Acting<Dim> then = all(time);
-        then.loads = at_rest(std::move(then.loads));
-        return then;
-      };
-  }
   other.time->path.stops = times_of(result);
-  const bool by_load = other.time->path.control == Control::load;
-  if (other.time->until && by_load && result.stopped.empty()) {  // it ends at the same time
-    other.time->until.reset();
-    other.time->path.until = [last = other.time->path.stops.back()](const PathStep& step) {
-      return step.now.state.time >= last;
-    };
-  }
-  if (!by_load)  // it may never come to its end
-    other.time->path.max_steps = std::min(other.time->path.max_steps, 2 * static_cast<int>(result.history.size()));
   return other;
-}
-
-/// Values of a path by time, as vectors.
-struct Curve {
-  std::vector<double> times;
-  std::vector<Vector> values;
-  double largest = 0.0;  ///< size of the values
-  void add(double time, Vector value, double size = 0.0) {
-    largest = std::max({largest, value.norm(), size});
-    times.push_back(time);
-    values.push_back(std::move(value));
-  }
-};
-
-/// All values of a path.
-struct Curves {
-  Curve work;
-  std::map<std::string, Curve> reactions, probes;
-};
-template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<Dim>& result) {
-  Curves curves;
-  const auto& vertices = result.mesh->vertices();
-  const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
-  for (const HistoryStep<Dim>& step : result.history) {
-    curves.work.add(step.time, Vector::Constant(1, step.stored + step.dissipated));
-    for (const auto& [name, of] : step.reactions)
-      curves.reactions[name].add(step.time, of.force, of.moment.norm() / length);  // a moment may be all there is
-    for (std::size_t k = 0; k < step.probes.size(); ++k)
-      curves.probes[settings.probes[k].name].add(step.time, step.probes[k]);
-  }
-  return curves;
-}
-
-/// The value at a time at which a path stops; null at others.
-const Vector* value_at(const Curve& curve, double time) {
-  const auto found = std::ranges::lower_bound(curve.times, time);
-  return found != curve.times.end() && *found == time ? &curve.values[found - curve.times.begin()] : nullptr;
-}
-
-/// The largest difference at times that both paths stop at; infinity without any.
-double difference_in_time(const Curve& curve, const Curve& other) {
-  double off = -1.0;
-  for (std::size_t k = 0; k < curve.times.size(); ++k)
-    if (const Vector* value = value_at(other, curve.times[k])) off = std::max(off, (curve.values[k] - *value).norm());
-  return off < 0.0 ? std::numeric_limits<double>::infinity() : off;
 }
 
 /// Whether values alternate from a path to coarser ones: the sum over common times of the products of their differences
@@ -124,35 +56,6 @@ bool alternates(const Curve& curve, const Curve& coarser, const Curve& coarsest)
     if (one && another) sum += (curve.values[k] - *one).dot(*one - *another);
   }
   return sum < 0.0;
-}
-
-/// The largest distance from the steps of a path to the other path, from rest on straight between its steps, with times
-/// measured by `period` and values by `size`; steps beyond the end of the other do not count. In units of `size`.
-double distance_of_curves(const Curve& curve, const Curve& other, double period, double size) {
-  const auto point = [&](double time, const Vector& value) {
-    Vector at(value.size() + 1);
-    at << time / period, value / size;
-    return at;
-  };
-  std::vector<Vector> line{Vector::Zero(curve.values.front().size() + 1)};
-  for (std::size_t k = 0; k < other.times.size(); ++k) line.push_back(point(other.times[k], other.values[k]));
-  double most = 0.0;
-  for (std::size_t k = 0; k < curve.times.size(); ++k) {
-    const Vector at = point(curve.times[k], curve.values[k]);
-    double nearest = std::numeric_limits<double>::infinity();
-    bool is_end = false;
-    for (std::size_t s = 0; s + 1 < line.size(); ++s) {
-      const Vector along = line[s + 1] - line[s];
-      const double share =
-          along.squaredNorm() > 0.0 ? std::clamp((at - line[s]).dot(along) / along.squaredNorm(), 0.0, 1.0) : 0.0;
-      const double distance = (at - line[s] - share * along).norm();
-      if (distance >= nearest) continue;
-      nearest = distance;
-      is_end = s + 2 == line.size() && share == 1.0;
-    }
-    if (!is_end || k == 0) most = std::max(most, nearest);
-  }
-  return most;
 }
 
 /// The limit load of a path by arc length, of loads proportional to the time.
@@ -177,46 +80,6 @@ template <int Dim> std::optional<ArcLimit> limit_of_arc(const Result<Dim>& path,
     return ArcLimit{*std::ranges::max_element(work.times), plateau->rise};
   return std::nullopt;
 }
-
-/// The root mean square of the differences of the stresses of two results over that of the stresses, at the middles of
-/// up to 20000 cells; cells whose middle is outside of the other's mesh, beside its chords, do not count.
-template <int Dim> double difference_of_stresses(const Result<Dim>& result, const Result<Dim>& other) {
-  constexpr Index most = 20000;
-  const FineSpace<Dim>& space = result.approximation.space;
-  const FineMesh<Dim>& mesh = *result.mesh;
-  const bool same = result.mesh == other.mesh;
-  const Index stride = 1 + mesh.num_cells() / most;
-  const Locator<Dim> locate_in_other(*other.mesh);
-  const auto squared = [](const Voigt<Dim>& s) {  // of the tensor: shears count twice
-    return s.squaredNorm() + s.tail(s.size() - 3).squaredNorm();
-  };
-  double off = 0.0, size = 0.0;
-  for (Index c = 0; c < mesh.num_cells(); c += stride) {
-    Location<Dim> there{c, Eigen::Matrix<double, Dim + 1, 1>::Constant(1.0 / (Dim + 1))};
-    const Voigt<Dim> stress = probe(space, result.fields, there).stress;
-    if (!same) {
-      try {
-        there = locate_in_other(mesh.centroid(c));
-      } catch (const InputError&) {
-        continue;
-      }
-    }
-    const Voigt<Dim> stress_of_other = probe(other.approximation.space, other.fields, there).stress;
-    off += space.volume(c) * squared(stress - stress_of_other);
-    size += space.volume(c) * squared(stress);
-  }
-  return size > 0.0 ? std::sqrt(off / size) : 0.0;
-}
-
-}  // namespace
-
-template <int Dim> std::vector<double> times_of(const Result<Dim>& result) {
-  std::vector<double> times;
-  for (const auto& step : result.history) times.push_back(step.time);
-  return times;
-}
-
-namespace {
 
 /// A path and coarser ones of the same settings; the coarsest may be missing.
 template <int Dim> class Comparison {
@@ -308,13 +171,12 @@ template <int Dim> class Comparison {
 
   /// Errors over the largest of each value, or over a hundredth of the largest of all.
   std::map<std::string, double> errors_by_name(std::map<std::string, Curve> Curves::*kind) const {
-    constexpr double small = 0.01;
     double most = 0.0;
     for (const auto& [name, curve] : curves_.*kind) most = std::max(most, curve.largest);
     std::map<std::string, double> errors;
     for (const auto& [name, curve] : curves_.*kind)
       errors[name] = error(curve, (of_coarser_.*kind).at(name), coarsest_ ? &(of_coarsest_.*kind).at(name) : nullptr,
-                           std::max(curve.largest, small * most));
+                           std::max(curve.largest, small_value * most));
     return errors;
   }
 
@@ -326,10 +188,10 @@ template <int Dim> class Comparison {
   double period_ = 0.0, until_ = 0.0;
 };
 
-}  // namespace
-
+/// Puts the errors of the path, by a coarser one of the same settings and, unless it is null, one that is coarser
+/// still, into the result. Why they are unknown; nothing where they are known.
 template <int Dim> std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser,
-                                             const Result<Dim>* coarsest, Result<Dim>& result) {
+                                             const Result<Dim>* coarsest, Result<Dim>& result, const Monitor& monitor) {
   const Comparison<Dim> comparison(settings, result, coarser, coarsest);
   if (comparison.ratio() < least_coarsening)
     return fmt::format("a coarser path has {} nodes for {}", coarser.approximation.nodes.cols(),
@@ -337,12 +199,15 @@ template <int Dim> std::string compare_paths(const Settings<Dim>& settings, cons
   if (comparison.until() == 0.0)
     return fmt::format("a coarser path did not reach time {:.6g}", result.history.front().time);
   result.path_errors = comparison.errors();
+  add_errors_of_steps(settings, coarsest ? *coarsest : coarser, result, monitor);
   return {};
 }
 
+}  // namespace
+
 template <int Dim> std::string estimate_path(const Settings<Dim>& settings, const Result<Dim>* coarsest,
                                              Result<Dim>& result, const Monitor& monitor) {
-  if (settings.steps.coarser) return compare_paths(settings, *settings.steps.coarser, coarsest, result);
+  if (settings.steps.coarser) return compare_paths(settings, *settings.steps.coarser, coarsest, result, monitor);
   const Stage stage("coarser cloud", monitor);
   Result<Dim> other;
   other.mesh = result.mesh;
@@ -354,7 +219,7 @@ template <int Dim> std::string estimate_path(const Settings<Dim>& settings, cons
       return fmt::format("a coarser cloud has {} nodes for {}", other.approximation.nodes.cols(),
                          result.approximation.nodes.cols());
     answer_by_steps<Dim>(of_other, nullptr, other, stage.within());
-    return compare_paths<Dim>(settings, other, nullptr, result);
+    return compare_paths<Dim>(settings, other, nullptr, result, stage.within());
   } catch (const InputError& error) {
     return fmt::format("no coarser cloud can be made: {}", error.what());
   } catch (const NumericalError& error) {
@@ -362,11 +227,7 @@ template <int Dim> std::string estimate_path(const Settings<Dim>& settings, cons
   }
 }
 
-template std::vector<double> times_of<2>(const Result<2>&);
-template std::string compare_paths<2>(const Settings<2>&, const Result<2>&, const Result<2>*, Result<2>&);
 template std::string estimate_path<2>(const Settings<2>&, const Result<2>*, Result<2>&, const Monitor&);
-template std::vector<double> times_of<3>(const Result<3>&);
-template std::string compare_paths<3>(const Settings<3>&, const Result<3>&, const Result<3>*, Result<3>&);
 template std::string estimate_path<3>(const Settings<3>&, const Result<3>*, Result<3>&, const Monitor&);
 
 }  // namespace efree::internal

@@ -80,11 +80,15 @@ struct CloudAlone {
 /// the way, over the largest value there, times 1 / (coarser^1.5 - 1), as if errors fell with the spacing to the 1.5
 /// (Richardson 1911); with a third path as docs/theory.md says. By arc length two paths have no times in common: then
 /// the distance from each step to the nearest point of the coarser path, in the plane of the time and the value, each
-/// over its largest value. The errors of a mesh that both paths share and of the size of steps are not in it.
+/// over its largest value. Where materials flow those by the size of steps are added, as if they fell with the first
+/// power of it: by the differences between the coarser path and the same with half as many steps. The errors of a mesh
+/// that both paths share are not in it.
 struct PathErrors {
   double coarser = 0.0;  ///< spacing of the coarser path over that of this one, by their numbers of nodes
   double until = 0.0;    ///< time that both reached
   double work = 0.0;     ///< of the energy stored and dissipated
+  double space = 0.0;    ///< the largest error of a value without those by the size of steps
+  double steps = 0.0;    ///< the largest error of a value by the size of steps; in elastic bodies there is none
   /// Of a limit load where loads are proportional to the time: where a path stopped; by arc length the first largest
   /// time.
   std::optional<double> limit{};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/linear_check.hpp"
+#include "efree/analysis/internal/path_curves.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/assembly/follower_pressure.hpp"
@@ -166,6 +167,10 @@ template <int Dim> class Walk {
        const Monitor& monitor)
       : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
     if (settings.time) path_ = settings.time->path;
+    if (settings.steps.coarser) {
+      const std::vector<double> stops = std::exchange(path_.stops, {});
+      std::ranges::set_union(stops, times_of(*settings.steps.coarser), std::back_inserter(path_.stops));
+    }
     if (settings.time && settings.time->until) end_.emplace(settings, *settings.time->until);
     for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
     begin();

@@ -27,8 +27,6 @@ Solution<Dim> solution_of(const NonlinearEquilibrium<Dim>& equations, const Stat
 template <int Dim> std::string estimate_steps(const Settings<Dim>& settings, Program<Dim> program, const State& last,
                                               Result<Dim>& result, const Monitor& monitor);
 
-/// The times of the steps of a path.
-template <int Dim> std::vector<double> times_of(const Result<Dim>& result);
 /// Where the load of a path by arc length, proportional to the time, stays as it is for good.
 struct Plateau {
   std::size_t begin;  ///< the step at which half of the work was done
@@ -58,12 +56,15 @@ template <int Dim> std::optional<Plateau> plateau_of(const std::vector<HistorySt
   return std::nullopt;
 }
 
-/// Puts the errors of the path, by a coarser one of the same settings and, unless it is null, one that is coarser
-/// still, into the result. Why they are unknown; nothing where they are known.
-template <int Dim> std::string compare_paths(const Settings<Dim>& settings, const Result<Dim>& coarser,
-                                             const Result<Dim>* coarsest, Result<Dim>& result);
-/// The same by Steps::coarser and `coarsest`, or by a coarser cloud, which is solved.
+/// Puts the errors of the path, by Steps::coarser and, unless it is null, a path that is coarser still, or by a coarser
+/// cloud, which is solved, into the result. Why they are unknown; nothing where they are known.
 template <int Dim> std::string estimate_path(const Settings<Dim>& settings, const Result<Dim>* coarsest,
                                              Result<Dim>& result, const Monitor& monitor);
+
+/// Adds errors by the size of its steps to those of a path. Where materials flow they fall with the first power of the
+/// steps, as what they remember is integrated by backward Euler (Simo & Hughes 1998, section 3.3): `coarser`, the same
+/// path on a coarser cloud or mesh, is solved with half as many steps, or twice as many. A warning where that fails.
+template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& coarser,
+                                            Result<Dim>& result, const Monitor& monitor);
 
 }  // namespace efree::internal

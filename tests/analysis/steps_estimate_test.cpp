@@ -240,6 +240,56 @@ TEST(StepsEstimate, PathsThatFlowAreOffByWhatACoarserCloudTells) {
   }
 }
 
+/// A block on a support, whose top is moved as `moved` says of the time; steps of that size, stops where it turns.
+Settings<2> moved_block(const std::function<Vec<2>(double)>& moved, bool slides, double step,
+                        std::vector<double> turns = {}) {
+  Settings<2> settings = pulled(J2({.moduli = {.E = 200.0, .nu = 0.3}, .yield = 0.2, .kinematic = 20.0}), 0.0);
+  settings.common.approximation.spacing = 0.25;
+  settings.supports.clear();
+  settings.probes.clear();
+  settings.reactions = {{"top", "top"}};
+  settings.time->path = {.step = step, .max_step = step, .stops = std::move(turns)};
+  settings.time->acting = [=](double time) {
+    DisplacementCondition<2> bottom{"bottom", {}, {}}, top{"top", {}, {}};
+    for (int i = slides ? 1 : 0; i < 2; ++i) {
+      bottom.components[i] = [](const Vec<2>&) { return 0.0; };
+      top.components[i] = [value = moved(time)[i]](const Vec<2>&) { return value; };
+    }
+    Acting<2> acting{{bottom, top}, {}};
+    if (slides) acting.supports.push_back(symmetry_plane<2>("left"));
+    return acting;
+  };
+  return settings;
+}
+
+TEST(StepsEstimate, ErrorsByTheSizeOfStepsAreStatedWhereALoadTurns) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  const auto moved = [](double time) {
+    return Vec<2>(0.01 * std::sin(5.0 * time), 0.01 * (1.0 - std::cos(5.0 * time)));
+  };
+  for (const double step : {0.125, 0.05, 0.02}) {
+    const Result<2> result = analyse(mesh, moved_block(moved, false, step));
+    ASSERT_TRUE(result.path_errors);
+    Settings<2> finer = moved_block(moved, false, 0.001);
+    finer.estimated = false;
+    for (const auto& at : result.history) finer.time->path.stops.push_back(at.time);
+    const double off = off_on_the_way(result, analyse(mesh, finer), "top"), said = result.path_errors->steps;
+    EXPECT_GT(said, 0.6 * off) << "steps of " << step;
+    EXPECT_LT(said, 2.0 * off) << "steps of " << step;
+    EXPECT_GT(off, 0.1 * step) << "a case in which steps do not matter";
+    EXPECT_GE(result.path_errors->reactions.at("top"), said * 0.9);
+  }
+}
+
+TEST(StepsEstimate, StepsThatEndWhereALoadTurnsBackAreExactInPlainCompression) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  const auto moved = [](double time) { return Vec<2>(0.0, 0.01 * (0.4 - std::abs(time - 0.4))); };
+  const Result<2> result = analyse(mesh, moved_block(moved, true, 0.2, {0.4}));
+  ASSERT_TRUE(result.path_errors);
+  EXPECT_GT(result.history.back().dissipated, 0.0);
+  EXPECT_LT(result.path_errors->steps, 0.02) << "a path with fewer steps has passed over the turn";
+}
+
 /// Root mean square of the differences of stresses over that of the stresses, at the middles of cells of both meshes.
 double off_in_stresses(const Result<2>& result, const Result<2>& reference) {
   double off = 0.0, size = 0.0;
