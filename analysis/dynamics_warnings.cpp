@@ -11,24 +11,24 @@ namespace {
 /// Of mass scaling; empty: there is none.
 template <int Dim> std::string warn_of_inertia(const DynamicsSettings<Dim>& settings, const Dynamics<Dim>& dynamics) {
   const AddedInertia inertia = dynamics.added_inertia();
-  if (settings.options.mass_scaling.on() && inertia.empty())
+  if (settings.options.mass_scaling.on() && !inertia.is_known())
     return "Motion and forces may be wrong: the error by mass scaling is not known, as the run is shorter than three "
            "times that a wave takes through a body. Mass scaling is for quasi-static processes: leave it out in short "
            "ones";
   const double error = inertia.error();
   if (!(error > warned_inertia)) return {};
   const std::string advice = fmt::format(
-      "Mass scaling is for quasi-static processes: take slower loads or less mass_scaling{}",
+      "Mass scaling is for quasi-static processes: take slower loads{} or less mass_scaling{}",
+      settings.options.damping > 0.0 ? ", less damping" : "",
       settings.gravity || settings.gravity_field
           ? ", and none where bodies fall: under gravity they accelerate by its share of the mass that is real"
           : ", and none where bodies fly, fall or vibrate");
+  const std::string forces = settings.options.damping > 0.0 ? "inertial and damping forces" : "inertial forces";
   if (error >= 1.0)
-    return fmt::format(
-        "Motion and forces are wrong: inertial forces of the added mass are up to {:.2g} times those of stresses. {}",
-        error, advice);
-  return fmt::format(
-      "Forces may be wrong by {:.2g} % of the largest, as much as the inertial forces of the added mass. {}",
-      100.0 * error, advice);
+    return fmt::format("Motion and forces are wrong: {} of the added mass are up to {:.2g} times those of stresses. {}",
+                       forces, error, advice);
+  return fmt::format("Forces may be wrong by {:.2g} % of the largest, as much as the {} of the added mass. {}",
+                     100.0 * error, forces, advice);
 }
 
 }  // namespace

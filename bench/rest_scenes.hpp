@@ -6,7 +6,6 @@
 #include "efree/dynamics/schemes/otm/otm.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/hyperelastic.hpp"
-#include "efree/materials/j2.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,48 +55,6 @@ inline std::vector<double> press_seal(const Seal& of, int parts) {
     forces.push_back((dynamics.rigid_bodies()[1].impulse[1] - before) / (to - from));
   }
   return forces;
-}
-
-/// A square block, 1 wide, that a plate presses by a fifth of its height, with mass scaling.
-struct ScaledPress {
-  bool is_metal = false;   ///< with a yield stress of a hundredth of E; else rubber
-  bool is_smooth = false;  ///< the plate starts and stops as a cosine does; else its speed is constant
-  MassScaling scaling{};
-  double spacing = 0.1;
-  double time = 4.0;  ///< of the closing; waves of the real mass take 0.01 across
-};
-struct ScaledPressResult {
-  std::vector<double> force;  ///< of the plate, means over hundredths of the time
-  double stated = 0.0;        ///< AddedInertia::error
-  Index steps = 0;
-};
-
-inline ScaledPressResult press_scaled(const ScaledPress& of) {
-  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = of.spacing});
-  const SharedMaterial material =
-      of.is_metal
-          ? SharedMaterial(
-                J2({.moduli = {.E = 1.0, .nu = 0.3}, .yield = Hardening::linear(0.01, 0.01), .strain = Strain::finite}))
-          : SharedMaterial(NeoHookean({.E = 1.0, .nu = 0.45}));
-  Dynamics<2> dynamics({deformable_body(mesh, material, 1e-4)}, otm<2>(), {.mass_scaling = of.scaling});
-  dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = 0.3});
-  dynamics.add_rigid_body(
-      {.shape = rigid_shapes::half_space<2>({0.0, -1.0}, -1.0), .friction = 0.3, .velocity = [=](double t) {
-         const double mean = 0.2 / of.time;
-         return Vec<2>(0.0, of.is_smooth ? -mean * (1.0 - std::cos(2.0 * std::numbers::pi * t / of.time)) : -mean);
-       }});
-  constexpr int parts = 100;
-  ScaledPressResult result;
-  double before = 0.0;
-  for (int k = 1; k <= parts; ++k) {
-    dynamics.run(of.time * k / parts);
-    const double impulse = dynamics.rigid_bodies()[0].impulse[1];
-    result.force.push_back((impulse - before) / (of.time / parts));
-    before = impulse;
-  }
-  result.stated = dynamics.added_inertia().error();
-  result.steps = dynamics.steps();
-  return result;
 }
 
 }  // namespace efree::bench

@@ -61,8 +61,11 @@ template <int Dim> void estimate_again(World<Dim>& world, internal::StableStep<D
 }  // namespace
 
 void AddedInertia::add(const InertiaSample& sample) {
-  inertia_ = std::max(inertia_, sample.inertia);
-  stress_ = std::max(stress_, sample.stress);
+  for (double InertiaSample::*value :
+       {&InertiaSample::kinetic, &InertiaSample::internal, &InertiaSample::stored, &InertiaSample::inertia,
+        &InertiaSample::stress, &InertiaSample::force, &InertiaSample::displacement})
+    largest_.*value = std::max(largest_.*value, sample.*value);
+  work_ = std::max(work_, sample.internal + sample.stored);
   if (count_++ % interval_ != 0) return;
   if (samples_.size() == most_samples) {
     for (std::size_t k = 0; 2 * k < most_samples; ++k) samples_[k] = samples_[2 * k];
@@ -73,21 +76,21 @@ void AddedInertia::add(const InertiaSample& sample) {
 }
 
 double AddedInertia::error() const {
-  if (!(inertia_ > 0.0)) return 0.0;
-  return stress_ > 0.0 ? inertia_ / stress_ : std::numeric_limits<double>::infinity();
+  const auto over = [](double part, double whole) {
+    if (!(part > 0.0)) return 0.0;
+    return whole > 0.0 ? part / whole : std::numeric_limits<double>::infinity();
+  };
+  return std::max(over(largest_.inertia, largest_.stress),
+                  over(std::sqrt(largest_.force * largest_.displacement), work_));
 }
 
 double AddedInertia::ratio(double share) const {
-  if (empty()) return 0.0;
-  const double largest = std::ranges::max(samples_, {}, &InertiaSample::internal).internal;
+  const double largest = largest_.internal;
   std::vector<double> ratios;
   for (const InertiaSample& sample : samples_)
     if (sample.internal > 0.0 && sample.internal >= least_internal_energy * largest)
       ratios.push_back(sample.kinetic / sample.internal);
-  if (ratios.empty())
-    return std::ranges::max(samples_, {}, &InertiaSample::kinetic).kinetic > 0.0
-               ? std::numeric_limits<double>::infinity()
-               : 0.0;
+  if (ratios.empty()) return largest_.kinetic > 0.0 ? std::numeric_limits<double>::infinity() : 0.0;
   std::ranges::sort(ratios);
   return ratios[static_cast<std::size_t>(std::ceil(share * static_cast<double>(ratios.size()))) - 1];
 }
@@ -167,9 +170,9 @@ template <int Dim> std::vector<BodyMass> internal::body_masses(const World<Dim>&
 template <int Dim> void internal::InertiaSampling<Dim>::begin(const World<Dim>& world) {
   time_ = world.time;
   step_ = world.steps;
-  x_ = positions(world);
+  start_ = x_ = positions(world);
   v_.resize(Dim, 0);
-  interval_ = 0.0;
+  interval_ = std::numeric_limits<double>::infinity();
   for (Index b = 0; b < world.num_bodies(); ++b) {
     Eigen::AlignedBox<double, Dim> box;
     double slowness = 0.0;  // squared, the largest
@@ -181,7 +184,7 @@ template <int Dim> void internal::InertiaSampling<Dim>::begin(const World<Dim>& 
         if (!chunk.is_eroded(p)) slowness = std::max(slowness, matter.mass[p] / matter.volume[p] / matter.modulus[p]);
       }
     }
-    if (!box.isEmpty()) interval_ = std::max(interval_, box.sizes().maxCoeff() * std::sqrt(slowness));
+    if (slowness > 0.0) interval_ = std::min(interval_, box.sizes().maxCoeff() * std::sqrt(slowness));
   }
 }
 
@@ -196,38 +199,54 @@ template <int Dim> void internal::InertiaSampling<Dim>::sample(const World<Dim>&
   constexpr Index least_steps = 16;
   const double elapsed = world.time - time_;
   if (elapsed < 0.0) return begin(world);
-  if (world.steps - step_ < least_steps || elapsed < interval_) return;
-  const Points<Dim> before = std::move(x_), v_before = std::move(v_);
-  x_ = positions(world);
+  const bool is_first_step = v_.cols() == 0 && world.steps == step_ + 1;
+  if (!is_first_step && (world.steps - step_ < least_steps || elapsed < interval_)) return;
+  const Points<Dim> x = positions(world);
+  if (x.cols() != x_.cols()) return begin(world);  // other points
+  const Points<Dim> v = (x - x_) / elapsed;
+  if (v_.cols() == v.cols()) to.add(measure(world, v, (v - v_) / elapsed));
+  v_ = v;
+  if (is_first_step) return;  // loads that act at once change the velocities in the first interval
+  x_ = x;
   time_ = world.time;
   step_ = world.steps;
-  v_.resize(Dim, 0);
-  if (before.cols() != x_.cols()) return;  // other points
-  v_ = (x_ - before) / elapsed;
-  if (v_before.cols() == v_.cols()) to.add(measure(world, v_, (v_ - v_before) / elapsed));
 }
 
 template <int Dim> InertiaSample internal::InertiaSampling<Dim>::measure(const World<Dim>& world, const Points<Dim>& v,
-                                                                         const Points<Dim>& a) {
-  const auto count = static_cast<std::size_t>(world.num_bodies());
-  std::vector<Eigen::AlignedBox<double, Dim>> boxes(count);
-  std::vector<double> inertia(count, 0.0);
+                                                                         const Points<Dim>& a) const {
+  struct Body {
+    Eigen::AlignedBox<double, Dim> box;
+    double mass = 0.0, force = 0.0, second_moment = 0.0;  ///< added; of displacements
+    Vec<Dim> moment = Vec<Dim>::Zero();
+  };
+  std::vector<Body> bodies(static_cast<std::size_t>(world.num_bodies()));
   InertiaSample result;
   for (const Chunk<Dim>& chunk : world.chunks) {
-    const auto body = static_cast<std::size_t>(chunk.body);
+    Body& body = bodies[static_cast<std::size_t>(chunk.body)];
     result.internal += chunk.stored + chunk.dissipated;
+    result.stored += chunk.stored;
     for (Index p = 0; p < chunk.size(); ++p) {
       const Matter<Dim>& matter = chunk.matter;
       const Index number = world.point_number(chunk, p);
       const double added = matter.mass[p] - matter.own_mass(p) / world.options.mass_scaling.factor;
+      const double acceleration = jump_correction * a.col(number).norm() + world.options.damping * v.col(number).norm();
+      const Vec<Dim> u = matter.x.col(p) - start_.col(number);
       result.kinetic += 0.5 * added * v.col(number).squaredNorm();
-      inertia[body] += added * a.col(number).norm();
+      result.force += added * acceleration * acceleration;
       result.stress += matter.volume[p] * matter.response.P.col(p).norm();
-      boxes[body].extend(Vec<Dim>(matter.x.col(p)));
+      body.mass += added;
+      body.force += added * acceleration;
+      body.moment += added * u;
+      body.second_moment += added * u.squaredNorm();
+      body.box.extend(Vec<Dim>(matter.x.col(p)));
     }
   }
-  for (std::size_t b = 0; b < count; ++b)
-    if (!boxes[b].isEmpty()) result.inertia += jump_correction * boxes[b].sizes().maxCoeff() * inertia[b];
+  for (const Body& body : bodies) {
+    if (body.box.isEmpty()) continue;
+    result.inertia += body.box.sizes().maxCoeff() * body.force;
+    if (body.mass > 0.0)
+      result.displacement += std::max(0.0, body.second_moment - body.moment.squaredNorm() / body.mass);
+  }
   return result;
 }
 

@@ -17,20 +17,23 @@ void change_mass_scaling(World<Dim>& world, Scheme<Dim>& scheme, StableStep<Dim>
 /// Masses by body.
 template <int Dim> std::vector<BodyMass> body_masses(const World<Dim>& world);
 /// Samples of World::added_inertia, by mean velocities of the material points over the time that a pressure wave takes
-/// through the largest body, and 16 steps at least: nodes in contact chatter from step to step, scaled or not.
+/// through the body where it is the shortest, and 16 steps at least: nodes in contact chatter from step to step, scaled
+/// or not. Before the first of these means are the velocities of the first step: loads that act at once are seen, also
+/// where damping stops what they excite within the second interval.
 template <int Dim> class InertiaSampling {
  public:
   /// Positions at the start, and that time.
   void begin(const World<Dim>& world);
   /// After every step.
   void sample(const World<Dim>& world, AddedInertia& to);
-  void pack(Archive& archive) { archive(x_, v_, time_, interval_, step_); }
+  void pack(Archive& archive) { archive(start_, x_, v_, time_, interval_, step_); }
 
  private:
   static Points<Dim> positions(const World<Dim>& world);
-  static InertiaSample measure(const World<Dim>& world, const Points<Dim>& v, const Points<Dim>& a);
+  InertiaSample measure(const World<Dim>& world, const Points<Dim>& v, const Points<Dim>& a) const;
 
-  Points<Dim> x_, v_;      ///< Dim x M, of points: positions, mean velocities before; empty: not known
+  Points<Dim> start_;      ///< Dim x M, of points: positions at the start
+  Points<Dim> x_, v_;      ///< Dim x M: positions, mean velocities before; empty: not known
   double time_ = 0.0;      ///< of the last sample
   double interval_ = 0.0;  ///< [time]
   Index step_ = 0;         ///< of the last sample

@@ -57,7 +57,7 @@ std::vector<std::string> describe_run(const DynamicsSettings<Dim>& settings, con
   if (settings.options.mass_scaling.on()) {
     const AddedInertia inertia = dynamics.added_inertia();
     lines.push_back(
-        inertia.empty()
+        !inertia.is_known()
             ? "mass scaling: its error is not known, as the run is too short"
             : fmt::format("mass scaling: forces are off by about {:.2g} % of the largest; kinetic over internal "
                           "energy {:.2g} % at most, {:.2g} % in the median",
@@ -105,7 +105,7 @@ template <int Dim> ordered_json mass_scaling_json(const DynamicsModel<Dim>& mode
                                       {"added_percent", 100.0 * masses[b].added / masses[b].real},
                                       {"points", masses[b].points}};
   json["unscaled_step"] = dynamics.world().unscaled_step;
-  if (inertia.empty()) return json;
+  if (!inertia.is_known()) return json;
   json["error"] = inertia.error();
   json["kinetic_over_internal"] = {{"largest", inertia.largest_ratio()}, {"median", inertia.median_ratio()}};
   return json;

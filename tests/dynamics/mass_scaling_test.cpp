@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Mass scaling: longer steps, the real weight, balances of momentum and energy, and the stated error.
+#include "efree/bench/scaling_scenes.hpp"
 #include "efree/core/error.hpp"
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
@@ -13,7 +14,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace efree {
 namespace {
@@ -204,12 +207,57 @@ TEST(MassScaling, TheStatedErrorIsThatOfABarMetAtConstantSpeed) {
   EXPECT_EQ(AddedInertia().error(), 0.0);
 }
 
+TEST(MassScaling, AVibrationWhoseWorkIsKnownHasTheErrorOfItsInertia) {
+  // A point of mass m on a spring of stiffness K that is moved as d cos(q t): the force errs by m q^2 d of K d.
+  constexpr double m = 2.0, K = 3.0, d = 0.2, q = 0.4;
+  for (const bool is_plastic : {false, true}) {
+    AddedInertia inertia;
+    for (int k = 0; k <= 1000; ++k) {
+      const double u = d * std::cos(2.0 * std::numbers::pi * k / 1000.0), a = q * q * u;
+      // Elastic: F u / 2 is stored; perfectly plastic: F u is dissipated.
+      inertia.add({.internal = is_plastic ? K * d * std::abs(u) : 0.5 * K * u * u,
+                   .stored = is_plastic ? 0.0 : 0.5 * K * u * u,
+                   .force = m * a * a,
+                   .displacement = m * u * u});
+    }
+    EXPECT_NEAR(inertia.error(), m * q * q / K, 1e-12);
+  }
+}
+
+/// The stated error is between half of the error of the driving force and three times as much; returns the former.
+double expect_stated_error(const bench::ScalingScene& scene, double factor) {
+  const bench::ScalingResult scaled = run_scaling(scene, {.factor = factor});
+  const double error = scaling_error(scaled, run_scaling(scene, {})), stated = scaled.inertia.error();
+  EXPECT_TRUE(scaled.inertia.is_known()) << scene.name;
+  EXPECT_GT(stated, 0.5 * error) << scene.name;
+  EXPECT_LT(stated, 3.0 * error) << scene.name;
+  return stated;
+}
+
+TEST(MassScaling, ABeamThatIsBentStatesTheErrorOfItsForce) {
+  const auto beam = [](bool is_smooth) { return bench::drive_strip(1.0, 0.2, 1, 0.1, false, {is_smooth, 3.0}); };
+  EXPECT_GT(expect_stated_error(beam(false), 100.0), 0.2) << "it rings";
+  const double slow = expect_stated_error(beam(true), 10.0);
+  EXPECT_LT(slow, 0.02);
+  EXPECT_NEAR(expect_stated_error(beam(true), 40.0), 39.0 / 9.0 * slow, 0.3 * 39.0 / 9.0 * slow)
+      << "inertia grows with the added mass";
+}
+
+TEST(MassScaling, AnImpactThatDampingStopsAtOnceIsStated) {
+  for (const double damping : {3.0, 30.0})
+    EXPECT_GT(expect_stated_error(bench::press_block({.loading = {false, 1.16}, .damping = damping}), 100.0), 0.05);
+}
+
+TEST(MassScaling, DampingForcesOfTheAddedMassAreStated) {
+  EXPECT_GT(expect_stated_error(bench::press_block({.loading = {false, 4.0}, .damping = 30.0}), 1000.0), 0.1);
+}
+
 TEST(MassScaling, ABodyThatFliesEvenlyHasNoErrorAndOneThatHitsAWallHas) {
   for (const Method method : all_methods) {
     Dynamics<2> dynamics = block(method, {.factor = 4.0}, {0.0, -0.3});
     dynamics.add_wall({.normal = {0.0, 1.0}, .level = -0.1});
     dynamics.run(0.3);
-    ASSERT_FALSE(dynamics.added_inertia().empty());
+    ASSERT_TRUE(dynamics.added_inertia().is_known());
     EXPECT_LT(dynamics.added_inertia().samples().back().inertia, 1e-9) << static_cast<int>(method);
     dynamics.run(1.0);
     EXPECT_GT(dynamics.added_inertia().error(), 0.2) << static_cast<int>(method);
