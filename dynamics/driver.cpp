@@ -2,6 +2,7 @@
 #include "efree/dynamics/internal/driver.hpp"
 
 #include "efree/dynamics/contact/internal/surfaces.hpp"
+#include "efree/dynamics/internal/kinetic_energy.hpp"
 #include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/rest.hpp"
 #include "efree/dynamics/internal/world.hpp"
@@ -109,7 +110,7 @@ template <int Dim> void Driver<Dim>::begin_watch() {
 template <int Dim> double Driver<Dim>::step(double at_most) {
   begin_supports();
   if (std::exchange(lacks_walls, false)) add_forces_of_walls();
-  if (!watch.begun) watch.look(balance().energies);
+  if (!watch.begun) watch.look(leapfrog_energies());
   if (world.steps == 0) estimate_first_damping(world);
   const double dt = choose_step(at_most);
   if (!world.motion_laws.empty()) {
@@ -178,8 +179,10 @@ template <int Dim> void Driver<Dim>::advance_nodes(double kick, double dt) {
   find_velocities(world, impulses, changes);
   nodes.v += changes;
   if (world.consistent_mass.any()) nodes.momentum += impulses;
+  const std::vector<ContactImpulse<Dim>> contacts = world.contacts.all();
   for (const auto& interaction : world.interactions) interaction->apply_impulses(world, kick, dt);
   for (const auto& interaction : world.interactions) interaction->finish_kick(world, kick, dt);
+  resting = find_resting_bodies(world, contacts);
   changes = dt * nodes.v;
   add<Dim>(changes, nodes.x, nodes.x_rest);
   for (Index a = 0; a < nodes.size(); ++a)
@@ -216,7 +219,7 @@ template <int Dim> void Driver<Dim>::erode(const std::vector<Index>& broken) {
 template <int Dim> void Driver<Dim>::inspect() {
   stable.update_stiffness_ratios(world);
   for (const auto& interaction : world.interactions) interaction->inspect(world);
-  watch.look(balance().energies);
+  watch.look(leapfrog_energies());
   const double error = watch.error(), imbalance = world.options.imbalance;
   watch.beyond = std::abs(error) <= imbalance ? 0 : watch.beyond + 1;
   if (!std::isfinite(error))
@@ -231,26 +234,16 @@ template <int Dim> void Driver<Dim>::inspect() {
 template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
   const Nodes<Dim>& nodes = world.nodes;
   EnergyBalance<Dim> result{.energies = world.ledger};
-  double kinetic = 0.0;
   for (Index a = 0; a < nodes.size(); ++a) {
     if (!(nodes.mass[a] > 0.0)) continue;
-    // Half a step ago; and the energy with that half a step from now.
     const Vec<Dim> l = momentum_of(world, a);
-    kinetic += 0.5 * nodes.v.col(a).dot(l + world.last_step * nodes.force.col(a));
     result.momentum += l;
     result.angular_momentum += moment_about_origin<Dim>(nodes.x.col(a), l);
   }
-  // What falls freely has the energy of its velocity now, whatever steps there were.
-  const Vec<Dim> faster = 0.5 * world.last_step * world.gravity;
-  double falling_mass = nodes.mass.sum();
-  if (world.options.mass_scaling.on()) {
-    falling_mass = 0.0;
-    for (Index a = 0; a < nodes.size(); ++a)
-      if (nodes.mass[a] > 0.0) falling_mass += std::pow(world.real_mass(a), 2) / nodes.mass[a];
-  }
-  kinetic += 0.5 * falling_mass * faster.squaredNorm();
   Ledger& energies = result.energies;
-  energies.add_energy("kinetic", EnergyKind::kinetic, kinetic);
+  const KineticEnergy now = kinetic_energy(world, resting);
+  energies.add_energy("kinetic", EnergyKind::kinetic, now.kinetic);
+  energies.add_energy("prescribed", EnergyKind::work, now.supports);
   for (const double energy : stabilisation_energies(world))
     energies.add_energy("stabilisation", EnergyKind::stabilising, energy);
   for (const auto& chunk : world.chunks) {
@@ -260,6 +253,13 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
   }
   for (const auto& interaction : world.interactions) interaction->tally(world, result);
   scheme->tally(world, result);
+  return result;
+}
+
+template <int Dim> Ledger Driver<Dim>::leapfrog_energies() const {
+  Ledger result = balance().energies;
+  result.add_energy("kinetic", EnergyKind::kinetic,
+                    kinetic_energy(world, resting).resting + rigid->resting_energy(world));
   return result;
 }
 
@@ -280,6 +280,7 @@ template <int Dim> void Driver<Dim>::pack(Archive& archive) {
   require(of.scheme == identity.scheme, "the state is one of another scheme");
   internal::pack(world, watch, archive);
   inertia.pack(archive);
+  archive(resting);
   stable.pack(archive);
   scheme->pack(archive);
   for (const auto& interaction : world.interactions) interaction->pack(archive);

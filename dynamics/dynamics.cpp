@@ -308,7 +308,7 @@ template <int Dim> void Dynamics<Dim>::run(double until) {
 
 template <int Dim> EnergyWatch Dynamics<Dim>::energy() const {
   EnergyWatch result = parts_->watch;
-  result.look(balance().energies);
+  result.look(parts_->leapfrog_energies());
   return result;
 }
 

@@ -157,6 +157,8 @@ void Driver<Dim>::begin_from(std::string_view state, bool velocities, const std:
   for (const auto& chunk : world.chunks) crack_radii.emplace_back(chunk.number, chunk.matter.crack_radius);
   unpack_world(world, watch, archive);
   inertia.pack(archive);
+  archive(resting);
+  resting.clear();
   stable.pack(archive);
   scheme->pack(archive);
   for (std::size_t k = 0; k < of_bodies; ++k) world.interactions[k]->pack(archive);

@@ -314,21 +314,33 @@ template <int Dim> void RigidContact<Dim>::add_velocities(const World<Dim>&, std
   for (const Rigid& rigid : rigids_) velocities.push_back(rigid.now.velocity);
 }
 
+template <int Dim> Vec<Dim> RigidContact<Dim>::velocity_by_half_a_step(const World<Dim>& world, const Rigid& rigid) {
+  if (rigid.body.mass == 0.0) return Vec<Dim>::Zero();
+  return 0.5 * world.last_step * acceleration(world, rigid.body, rigid.now.centre, world.time);
+}
+
 template <int Dim> void RigidContact<Dim>::tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const {
-  // Half a step of free fall later, as for nodes.
+  // As of nodes (kinetic_energy): half a step of free fall later where there is no contact.
   for (const auto& rigid : rigids_) {
-    const Vec<Dim> faster =
-        rigid.body.mass > 0.0
-            ? Vec<Dim>(0.5 * world.last_step * acceleration(world, rigid.body, rigid.now.centre, world.time))
-            : Vec<Dim>(Vec<Dim>::Zero());
+    const Vec<Dim> faster = velocity_by_half_a_step(world, rigid);
     const auto& [mass, inertia, now] = std::tie(rigid.body.mass, rigid.body.inertia, rigid.now);
     const Vec<Dim> momentum = mass * now.velocity;
     const Spin<Dim> angular_momentum = inertia * now.spin;
-    balance.energies.add_energy("kinetic", EnergyKind::kinetic,
-                                0.5 * (mass * (now.velocity + faster).squaredNorm() + angular_momentum.dot(now.spin)));
+    const double falling = now.force.isZero(0.0) ? faster.squaredNorm() : 0.0;
+    balance.energies.add_energy(
+        "kinetic", EnergyKind::kinetic,
+        0.5 * (mass * (now.velocity.dot(now.velocity + 2.0 * faster) + falling) + angular_momentum.dot(now.spin)));
     balance.momentum += momentum;
     balance.angular_momentum += moment_about_origin<Dim>(now.centre, momentum) + angular_momentum;
   }
+}
+
+template <int Dim> double RigidContact<Dim>::resting_energy(const World<Dim>& world) const {
+  double result = 0.0;
+  for (const auto& rigid : rigids_)
+    if (!rigid.now.force.isZero(0.0))
+      result += 0.5 * rigid.body.mass * velocity_by_half_a_step(world, rigid).squaredNorm();
+  return result;
 }
 
 template <int Dim> Points<Dim> RigidContact<Dim>::wall_forces() const {

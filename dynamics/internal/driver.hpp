@@ -24,6 +24,7 @@ template <int Dim> struct Driver {
   EnergyWatch watch;
   StateIdentity identity;              ///< of the bodies at the start
   InertiaSampling<Dim> inertia;        ///< of mass scaling
+  std::vector<char> resting;           ///< by body, of the last step: find_resting_bodies
   bool lacks_walls = false;            ///< forces are of a start before walls were added
   double last_kick = 0.0;              ///< of the last step; 0: there is none
   RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next
@@ -45,6 +46,7 @@ template <int Dim> struct Driver {
   void erode(const std::vector<Index>& broken);
   void inspect();  ///< how stiff points are, and whether the energy is what it should be
   EnergyBalance<Dim> balance() const;
+  Ledger leapfrog_energies() const;  ///< of the balance that is checked: with KineticEnergy::resting
   void estimate_stable_step(Index most_products, bool is_due = true);
   void pack(Archive& archive);
   /// As Dynamics::begin_from.

@@ -28,6 +28,8 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   double longest_step(const World<Dim>& world) const override;
   void add_velocities(const World<Dim>& world, std::vector<Vec<Dim>>& velocities) const override;
   void tally(const World<Dim>& world, EnergyBalance<Dim>& balance) const override;
+  /// As KineticEnergy::resting, of rigid bodies with a mass that are in contact.
+  double resting_energy(const World<Dim>& world) const;
   /// Throws InputError for the state of another number of walls and rigid bodies.
   void nodes_inserted(const World<Dim>& world, Index first, Index count) override;
   void pack(Archive& archive) override;
@@ -112,6 +114,8 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   };
 
   const Points<Dim>* held_by_scheme(const Rigid& rigid) const;
+  /// What gravity and its own force add to the velocity of one with a mass in half a step.
+  static Vec<Dim> velocity_by_half_a_step(const World<Dim>& world, const Rigid& rigid);
   void find_gaps(const World<Dim>& world, const Rigid& rigid);
   OnNode on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
                  Mat<Dim>* slope) const;
