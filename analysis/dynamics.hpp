@@ -194,6 +194,8 @@ template <int Dim> struct DynamicsModel {
   Dynamics<Dim> dynamics;
   std::vector<std::string> names;  ///< of the bodies: regions of the mesh
   BoundingBox<Dim> initial_box;    ///< of the nodes at the start
+  /// By body, relative, where gaps were closed (ClosedContacts::volume_change); empty: none were.
+  std::vector<double> volume_changes{};
   Vector point_sizes;  ///< edges of squares (cubes) with the areas (volumes) of the points at the start [length]
   std::vector<std::optional<ProbeNode<Dim>>> probe_nodes{};  ///< by probe
   bool probes_points = false;                                ///< whether probes look at material points, not at nodes
@@ -228,6 +230,8 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
 inline constexpr double warned_imbalance = 0.01;
 /// Estimated error of forces by mass scaling (AddedInertia::error) from which on there is a warning.
 inline constexpr double warned_inertia = 0.05;
+/// Change of a region's volume by closed gaps, relative, from which on there is a warning.
+inline constexpr double warned_volume_change = 0.001;
 /// Dynamics::imbalance of given stresses from which on there is a warning.
 inline constexpr double warned_stress_imbalance = 0.1;
 /// Share of clumped particles above which there is a warning.

@@ -306,7 +306,7 @@ template <int Dim> struct MeshBodies {
   std::vector<RegionBody<Dim>> regions{};
   std::vector<std::string> names{};
   std::vector<std::string> without_inner_nodes{};
-  std::vector<double> point_sizes{};
+  std::vector<double> point_sizes{}, volume_changes{};
 };
 
 template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, const DynamicsSettings<Dim>& settings,
@@ -318,6 +318,7 @@ template <int Dim> MeshBodies<Dim> build_bodies(const PreparedMesh<Dim>& mesh, c
     if (!extracted) continue;
     const FineMesh<Dim>& part = *extracted;
     result.names.push_back(all.region_names()[r]);
+    if (mesh.volume_change.size() > 0) result.volume_changes.push_back(mesh.volume_change[r]);
     result.regions.push_back(build_body(part, result.names.back(), mesh.materials[r], settings, all, monitor));
     const DeformableBody<Dim>& body = result.regions.back().body;
     const auto vertices = std::views::iota(Index{0}, part.num_vertices());
@@ -479,6 +480,19 @@ void move_onto_axis(PreparedMesh<2>& prepared) {
   prepared.mesh = std::make_shared<const FineMesh<2>>(std::move(data));
 }
 
+/// Of regions whose volumes close_contacts has changed by more than warned_volume_change; empty: there are none.
+std::string warn_of_volumes(const std::vector<std::string>& regions, const Vector& change) {
+  std::vector<std::string> changed;
+  for (Index r = 0; r < change.size(); ++r)
+    if (std::abs(change[r]) > warned_volume_change)
+      changed.push_back(fmt::format("\"{}\" ({:+.2g} %)", regions[static_cast<std::size_t>(r)], 100.0 * change[r]));
+  if (changed.empty()) return {};
+  return fmt::format(
+      "Masses and stiffnesses are those of changed bodies: contact.close has changed the volume of {}. Where that is "
+      "too much, fit the bodies to each other in the geometry",
+      fmt::join(changed, ", "));
+}
+
 /// DynamicsSettings::closed_gap.
 template <int Dim> void close_gaps(const DynamicsSettings<Dim>& settings, PreparedMesh<Dim>& prepared) {
   FineMesh<Dim> mesh = *prepared.mesh;
@@ -494,11 +508,14 @@ template <int Dim> void close_gaps(const DynamicsSettings<Dim>& settings, Prepar
     prepared.remarks.push_back(
         fmt::format("gaps and overlaps between regions are closed: {} vertices, moved by up to {:.3g}", closed.vertices,
                     closed.furthest));
+  if (std::string warning = warn_of_volumes(mesh.region_names(), closed.volume_change); !warning.empty())
+    prepared.warnings.push_back(std::move(warning));
   if (closed.overlap > 0.01 * settings.closed_gap)
     prepared.warnings.push_back(
         fmt::format("Bodies overlap by up to {:.3g} after contact.close: contact pushes them apart in the first steps. "
                     "Try a smaller mesh_size, so that facets of both fit each other",
                     closed.overlap));
+  prepared.volume_change = closed.volume_change;
   prepared.mesh = std::make_shared<const FineMesh<Dim>>(std::move(mesh));
 }
 
@@ -524,6 +541,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
                           [&] { return Dynamics<Dim>(std::move(bodies), make_scheme(*mesh.mesh, settings), options); }),
       .names = std::move(built.names),
       .initial_box = {},
+      .volume_changes = std::move(built.volume_changes),
       .point_sizes = Eigen::Map<const Vector>(built.point_sizes.data(), num_points)};
   internal::begin_from_state(settings, built.regions, model);
   internal::set_initial_stresses(settings, model);

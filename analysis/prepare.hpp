@@ -29,6 +29,8 @@ template <int Dim> struct PreparedMesh {
   bool surface_is_known = false;    ///< by its source; else the offsets are guessed from angles, or none
   std::string open_interface;       ///< part along which regions are not tied; empty: tied wherever they touch
   std::vector<BoundaryPart> parts;  ///< in the order of the settings
+  /// By region, relative, where gaps between bodies were closed (ClosedContacts::volume_change); empty: none were.
+  Vector volume_change;
   std::vector<std::pair<std::string, Reported>> reports;  ///< of the geometry
   std::vector<std::string> remarks;                       ///< what to tell the user: the same in words, the parts
   std::vector<std::string> warnings;                      ///< of the geometry: what makes results doubtful

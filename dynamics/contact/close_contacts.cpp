@@ -137,6 +137,14 @@ template <int Dim> void require_volumes(const FineMesh<Dim>& mesh, const Points<
   }
 }
 
+/// By region, in the plane areas; axisymmetric: over 2 pi.
+template <int Dim> Vector region_volumes(const FineMesh<Dim>& mesh, bool axisymmetric) {
+  Vector result = Vector::Zero(mesh.num_regions());
+  for (Index c = 0; c < mesh.num_cells(); ++c)
+    result[mesh.region(c)] += mesh.volume(c) * (axisymmetric ? mesh.centroid(c)[0] : 1.0);
+  return result;
+}
+
 }  // namespace
 
 template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tolerance, bool axisymmetric) {
@@ -165,11 +173,15 @@ template <int Dim> ClosedContacts close_contacts(FineMesh<Dim>& mesh, double tol
   const Vector moved = (x - mesh.vertices()).colwise().norm();
   result.furthest = moved.maxCoeff();
   result.vertices = std::ranges::count(touched, 1);
+  result.volume_change.setZero(mesh.num_regions());
   if (result.vertices == 0) return result;
   require_volumes(mesh, x, tolerance);
+  const Vector before = region_volumes(mesh, axisymmetric);
   MeshData<Dim> data = extract(mesh, std::vector<char>(static_cast<std::size_t>(mesh.num_cells()), 1));
   data.vertices = x;
   mesh = FineMesh<Dim>(std::move(data));
+  result.volume_change =
+      (before.array() > 0.0).select(region_volumes(mesh, axisymmetric).array() / before.array() - 1.0, 0.0);
   return result;
 }
 

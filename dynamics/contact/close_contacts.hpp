@@ -11,6 +11,8 @@ struct ClosedContacts {
   Index vertices = 0;     ///< of surfaces that were moved onto others
   double furthest = 0.0;  ///< by how much vertices were moved at most [length]
   double overlap = 0.0;   ///< the deepest that is left, no deeper than the tolerance [length]
+  /// By region: its volume (area in the plane) over that before, less 1. Axisymmetric: of the full revolution.
+  Vector volume_change{};
 };
 
 /// Closes gaps and overlaps between regions, cut apart (cut_regions), that are no wider or deeper than `tolerance`

@@ -151,6 +151,9 @@ template <int Dim> void add_regions(const DynamicsModel<Dim>& model, nlohmann::o
     StressSpread spread(numbers.von_mises);
     for (Index p = begin; p < end; ++p) spread.add(von_mises<3>(stress_of<3>(sigma.col(p))), volume[p]);
     json["by_region"][model.names[b]] = numbers.json("volume", spread);
+    if (!model.volume_changes.empty())
+      json["by_region"][model.names[b]]["volume_change_percent"] =
+          100.0 * model.volume_changes[static_cast<std::size_t>(b)];
   }
 }
 

@@ -38,6 +38,9 @@ TEST(CloseContacts, BlocksThatMissEachOtherTouchAndTheLaterOneIsStretched) {
     EXPECT_GT(closed.vertices, 10);
     EXPECT_NEAR(closed.furthest, 0.03, 1e-6);
     EXPECT_LE(closed.overlap, 1e-7);
+    ASSERT_EQ(closed.volume_change.size(), 2);
+    EXPECT_EQ(closed.volume_change[0], 0.0) << "the first one stays as it is";
+    EXPECT_NEAR(closed.volume_change[1], miss / (1.0 - miss), 0.01 * std::abs(miss)) << "the later one fills the gap";
     for (Index v = 0; v < mesh.num_vertices(); ++v) {
       const Vec<2> x = mesh.vertex(v), X = before.vertex(v);
       const bool is_upper = X[1] > 1.0 + std::min(miss, 0.0) - 1e-12 && mesh.region(mesh.cells_of(v)[0]) == 1;
@@ -90,6 +93,18 @@ TEST(CloseContacts, AShaftFitsItsBoreThoughTheirFacetsDiffer) {
   EXPECT_GT(closed.vertices, 20);
   EXPECT_LT(closed.furthest, 2.5 * sagitta);
   EXPECT_LT(closed.overlap, 1e-6);
+}
+
+/// A ring around a rod, in a section: volumes are those of the full revolution.
+TEST(CloseContacts, ARingThatIsClosedOntoARodHasTheVolumeOfItsNewBore) {
+  const auto section = [](double inner, double outer) {
+    return triangulate(shapes::rectangle(inner, 0.0, outer, 1.0), {.size = 0.1});
+  };
+  auto mesh = together<2>({section(0.0, 1.0), section(1.02, 1.5)});
+  const ClosedContacts closed = close_contacts(mesh, 0.03, true);
+  EXPECT_EQ(closed.volume_change[0], 0.0);
+  const double before = 1.5 * 1.5 - 1.02 * 1.02, after = 1.5 * 1.5 - 1.0;
+  EXPECT_NEAR(closed.volume_change[1], after / before - 1.0, 1e-6);
 }
 
 TEST(CloseContacts, CubesInSpaceAndCellsThatWouldCollapse) {
