@@ -449,6 +449,11 @@ TEST(SmoothedParticles, RefuseWrongOptionsAndBodies) {
   body.nodes.col(0) *= 1.1;
   EXPECT_THAT([&] { Dynamics<2>({body}, sph<2>(options)); },
               ThrowsMessage<InputError>(HasSubstr("nodes and points at once")));
+  const DeformableBody<2> total =
+      particles_on_lattice<2>(triangulate(shapes::rectangle(0.0, 0.0, 4.0, 1.0), {.size = 0.5}), SphFrame::total,
+                              {.spacing = 0.1}, soft(), 1.0);
+  EXPECT_THAT(([&] { Dynamics<2>({total}, sph<2>({.spacing = 0.1})); }),
+              ThrowsMessage<InputError>(HasSubstr("take total_lagrangian()")));
 }
 
 }  // namespace

@@ -142,12 +142,15 @@ template <int Dim> class Sph final : public Scheme<Dim> {
 template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
   if (world.axisymmetric())
     throw InputError("smoothed particles are of plane strain or in space, not of an axisymmetric section");
-  for (std::size_t b = 0; b < bodies.size(); ++b)
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (bodies[b].shape)
+      throw InputError(fmt::format("body {}: it has shape functions of its own: take total_lagrangian()", b));
     if (bodies[b].points.cols() == 0 || bodies[b].nodes != bodies[b].points)
       throw InputError(
           fmt::format("body {}: smoothed particles are nodes and points at once: expected as many of both "
                       "at the same places (particles_on_lattice)",
                       b));
+  }
   damping_ = internal::damping_on_lattice<Dim>(options_);
   const Index n = world.nodes.size();
   for (const Chunk<Dim>& chunk : world.chunks)
