@@ -77,7 +77,10 @@ struct Options {
             .seizing = contact.seizing};
   }
   DynamicsOptions driver() const {
-    return {.plane = plane, .courant = courant, .shock = shock, .contact = {contact.enabled, contact.friction}};
+    return {.plane = plane,
+            .courant = courant,
+            .shock = shock,
+            .contact = {.enabled = contact.enabled, .friction = contact.friction}};
   }
 };
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 
-#include "efree/core/internal/spectrum.hpp"
 #include "efree/dynamics/internal/kernels.hpp"
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_functions.hpp"
 #include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/internal/separation.hpp"
 #include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 
 #include <fmt/ranges.h>
@@ -19,9 +19,6 @@ namespace efree {
 namespace {
 
 using internal::gathered_columns, internal::Particles;
-
-/// Steps between looks for points that are too far from their neighbours.
-constexpr Index separation_interval = 8;
 
 void require_options(const MpmOptions& options) {
   const auto fail = [](const std::string& what) { throw InputError("the material point method: " + what); };
@@ -55,12 +52,6 @@ template <int Dim> void take_gradient(const double* column, Particles<Dim>& part
     particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
 }
 
-/// Velocity of a point: its own, or the mean of the vertices of its cell.
-template <int Dim> Vec<Dim> point_velocity(const Particles<Dim>& particles, Index point) {
-  if (!particles.mesh) return particles.v.col(point);
-  return particles.v(Eigen::all, particles.mesh->cells.col(point)).rowwise().mean();
-}
-
 template <int Dim> class Mpm final : public Scheme<Dim> {
  public:
   explicit Mpm(const MpmOptions& options) : options_(options), grid_(options) { require_options(options); }
@@ -92,7 +83,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     Points<Dim> result(Dim, world.num_points());
     for (std::size_t c = 0; c < world.chunks.size(); ++c)
       for (Index p = 0; p < world.chunks[c].size(); ++p)
-        result.col(world.point_number(world.chunks[c], p)) = point_velocity(grid_.particles[c], p);
+        result.col(world.point_number(world.chunks[c], p)) = grid_.particles[c].velocity_of(p);
     return result;
   }
   std::optional<double> stable_step(const World<Dim>& world) const override;
@@ -126,7 +117,6 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   void filter_velocities(World<Dim>& world);
   void find_gradients(World<Dim>& world);
   void return_momentum(World<Dim>& world);
-  void find_separated(const Chunk<Dim>& chunk, const double* stress, Particles<Dim>& particles) const;
   void estimate_frequency(World<Dim>& world);
   void move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
   void move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
@@ -276,38 +266,6 @@ template <int Dim> void Mpm<Dim>::move_vertices(Chunk<Dim>& chunk, Particles<Dim
   particles.release_eroded_cells(chunk);
 }
 
-/// Separated points are too far from their neighbours for the grid to hold them together (numerical fracture): a strip
-/// that is pulled apart, with 2 to 5 points along a cell, breaks where these are 0.63 to 0.94 of a cell apart, with
-/// splines of degree 3 0.93 to 0.99.
-template <int Dim>
-void Mpm<Dim>::find_separated(const Chunk<Dim>& chunk, const double* stress, Particles<Dim>& particles) const {
-  constexpr double failed = 1e-6;  // tension over the modulus that is none
-  const double most = std::pow((options_.degree == 3 ? 0.75 : 0.6) * options_.cell, Dim);
-  const Matter<Dim>& matter = chunk.matter;
-  particles.newly_separated = 0;
-  for (Index p = 0; p < chunk.size(); ++p) {
-    if (particles.separated[p] != 0 || chunk.is_eroded(p)) continue;
-    // Neighbours are as far away as a cube of the point's volume is long, stretched as the point is.
-    const auto is_far = [&](double squared) {
-      return matter.volume[p] * squared * (Dim == 2 ? 1.0 : std::sqrt(squared)) > most;
-    };
-    const Mat<Dim> F = matter.now.gradient(p).template topLeftCorner<Dim, Dim>();
-    const Mat<Dim> C = F.transpose() * F;
-    const double mean = C.trace() / Dim, spread = (C - mean * Mat<Dim>::Identity()).norm();
-    if (!is_far(mean + std::sqrt((Dim - 1.0) / Dim) * spread)) continue;  // no less than the largest stretch squared
-    const auto [stretches, axes] = internal::spectrum<Dim>(C);
-    if (!is_far(stretches[Dim - 1])) continue;
-    // A material that has failed lets go of them itself.
-    const Vec<Dim> along = F * axes.col(Dim - 1);
-    double tension = 0.0;
-    for (int i = 0; i < Dim; ++i)
-      for (int j = 0; j < Dim; ++j) tension += along[i] * stress[16 * p + 4 * j + i] * along[j];
-    if (!(tension > failed * matter.modulus[p] * along.squaredNorm())) continue;
-    particles.separated[p] = 1;
-    ++particles.newly_separated;
-  }
-}
-
 template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
   auto start = std::chrono::steady_clock::now();
   const double dt = world.last_step;
@@ -381,7 +339,8 @@ template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<
     scattered.stress = chunk.columns();
     scattered.volume = matter.volume.data();
     find_power(world, chunk, scattered.stress, particles);
-    if (world.steps % separation_interval == 0) find_separated(chunk, scattered.stress, particles);
+    if (world.steps % internal::separation_interval == 0)
+      internal::find_separated(options_, chunk, scattered.stress, particles);
   }
   internal::scatter(particles.count(), particles.box, scattered, slots);
   if (is_polynomial()) {

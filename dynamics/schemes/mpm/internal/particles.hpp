@@ -50,6 +50,10 @@ template <int Dim> struct Particles {
   Index count() const { return static_cast<Index>(v.cols()); }
   const Points<Dim>& positions(const Chunk<Dim>& chunk) const { return mesh ? mesh->x : chunk.matter.x; }
   const Vector& masses(const Chunk<Dim>& chunk) const { return mesh ? mesh->mass : chunk.matter.mass; }
+  /// Velocity of a point: its own, or the mean of the vertices of its cell.
+  Vec<Dim> velocity_of(Index point) const {
+    return mesh ? Vec<Dim>(v(Eigen::all, mesh->cells.col(point)).rowwise().mean()) : Vec<Dim>(v.col(point));
+  }
   /// Masses and these velocities, for the grid.
   ScatteredPoints moving(const Chunk<Dim>& chunk, const Points<Dim>& velocities) const {
     return {.x = positions(chunk).data(),
