@@ -15,6 +15,7 @@ template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<
   const double length = (vertices.rowwise().maxCoeff() - vertices.rowwise().minCoeff()).norm();
   for (const HistoryStep<Dim>& step : result.history) {
     curves.work.add(step.time, Vector::Constant(1, step.stored + step.dissipated));
+    curves.dissipated.add(step.time, Vector::Constant(1, step.dissipated));
     for (const auto& [name, of] : step.reactions)
       curves.reactions[name].add(step.time, of.force, of.moment.norm() / length);  // a moment may be all there is
     for (std::size_t k = 0; k < step.probes.size(); ++k)

@@ -117,6 +117,8 @@ template <int Dim> class Comparison {
     errors.coarser = ratio_;
     errors.until = until_;
     errors.work = error(curves_.work, of_coarser_.work, coarsest_ ? &of_coarsest_.work : nullptr, curves_.work.largest);
+    errors.dissipated = error(curves_.dissipated, of_coarser_.dissipated,
+                              coarsest_ ? &of_coarsest_.dissipated : nullptr, curves_.dissipated.largest);
     errors.reactions = errors_by_name(&Curves::reactions);
     errors.probes = errors_by_name(&Curves::probes);
     if (!by_arc_ && !result_.stopped.empty() && !coarser_.stopped.empty())
@@ -199,7 +201,8 @@ template <int Dim> std::string compare_paths(const Settings<Dim>& settings, cons
   if (comparison.until() == 0.0)
     return fmt::format("a coarser path did not reach time {:.6g}", result.history.front().time);
   result.path_errors = comparison.errors();
-  add_errors_of_steps(settings, coarsest ? *coarsest : coarser, result, monitor);
+  const bool flows = coarsest && coarsest->history.back().dissipated > 0.5 * result.history.back().dissipated;
+  add_errors_of_steps(settings, flows ? *coarsest : coarser, result, monitor);
   return {};
 }
 

@@ -84,11 +84,12 @@ struct CloudAlone {
 /// power of it: by the differences between the coarser path and the same with half as many steps. The errors of a mesh
 /// that both paths share are not in it.
 struct PathErrors {
-  double coarser = 0.0;  ///< spacing of the coarser path over that of this one, by their numbers of nodes
-  double until = 0.0;    ///< time that both reached
-  double work = 0.0;     ///< of the energy stored and dissipated
-  double space = 0.0;    ///< the largest error of a value without those by the size of steps
-  double steps = 0.0;    ///< the largest error of a value by the size of steps; in elastic bodies there is none
+  double coarser = 0.0;     ///< spacing of the coarser path over that of this one, by their numbers of nodes
+  double until = 0.0;       ///< time that both reached
+  double work = 0.0;        ///< of the energy stored and dissipated
+  double dissipated = 0.0;  ///< of what is dissipated, over that; not among `largest`
+  double space = 0.0;       ///< the largest error of a value without those by the size of steps
+  double steps = 0.0;       ///< the largest error of a value by the size of steps; in elastic bodies there is none
   /// Of a limit load where loads are proportional to the time: where a path stopped; by arc length the first largest
   /// time.
   std::optional<double> limit{};

@@ -12,22 +12,11 @@
 namespace efree::internal {
 namespace {
 
-/// Steps of a path over those of one with larger ones, and with smaller ones, within which errors by the size of steps
-/// are not told from others: steps that do not converge are halved.
-constexpr double least_more = 1.25, most_fewer = 0.8;
-
-/// Every second one of the times of a path, and those at which loads turn.
-std::vector<double> every_second(const std::vector<double>& times, const std::vector<double>& turns) {
-  std::vector<double> result;
-  bool next = true;
-  for (std::size_t k = times.size(); k-- > 0;) {
-    const bool turn = std::ranges::find(turns, times[k]) != turns.end();
-    if (next || turn) result.push_back(times[k]);
-    next = turn ? false : !next;
-  }
-  std::ranges::reverse(result);
-  return result;
-}
+/// Least steps of a path with smaller ones over those of the path.
+constexpr double least_more = 1.25;
+/// Least part of what a path dissipates that a coarser one must dissipate to tell of errors by the size of steps; below
+/// that part of the work nobody sees them.
+constexpr double least_flow = 0.3, unseen_flow = 1e-3;
 
 /// Those of a path, and one in the middle of each of its steps.
 std::vector<double> with_middles(const std::vector<double>& times) {
@@ -40,21 +29,17 @@ std::vector<double> with_middles(const std::vector<double>& times) {
   return result;
 }
 
-/// A path again, on the same cloud or mesh and with other steps.
+/// A path again, on the same cloud or mesh and with twice as many steps: larger ones would pass over what loads do.
 template <int Dim>
-Result<Dim> with_steps(const Settings<Dim>& settings, const Result<Dim>& path, bool larger, const Monitor& monitor) {
+Result<Dim> with_smaller_steps(const Settings<Dim>& settings, const Result<Dim>& path, const Monitor& monitor) {
   Settings<Dim> other = same_path(settings, path);
   PathOptions& options = other.time->path;
-  if (options.min_step == 0.0) options.min_step = 1e-3 * options.step;
   if (options.control == Control::arc_length) {
-    const double largest = options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end);
-    options.step *= larger ? 2.0 : 0.5;
-    options.max_step = larger ? 2.0 * largest : 0.5 * largest;
+    options.max_step = 0.5 * (options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end));
+    options.step *= 0.5;
+    options.max_steps *= 2;
   } else {
-    const std::vector<double> times = times_of(path);
-    options.stops = larger ? every_second(times, settings.time ? settings.time->path.stops : std::vector<double>())
-                           : with_middles(times);
-    options.step = options.max_step = options.end;
+    options.stops = with_middles(times_of(path));
   }
   Result<Dim> result;
   result.mesh = path.mesh;
@@ -74,6 +59,7 @@ template <int Dim> class Differences {
     for (const double time : path_.work.times) period_ = std::max(period_, std::abs(time));
   }
   double work() const { return of(path_.work, other_.work, path_.work.largest); }
+  double dissipated() const { return of(path_.dissipated, other_.dissipated, path_.dissipated.largest); }
   /// By name; of a hundredth of the largest of their kind if that is more.
   std::map<std::string, double> by_name(std::map<std::string, Curve> Curves::*kind) const {
     std::map<std::string, double> result;
@@ -85,12 +71,10 @@ template <int Dim> class Differences {
   }
 
  private:
-  /// Steps along an arc are compared with the path that has more of them, which is nearer to straight between two.
   double of(const Curve& path, const Curve& other, double size) const {
     if (!(size > 0.0)) return 0.0;
     if (!by_arc_) return difference_in_time(path, other) / size;
-    return path.times.size() > other.times.size() ? distance_of_curves(other, path, period_, size)
-                                                  : distance_of_curves(path, other, period_, size);
+    return distance_of_curves(path, other, period_, size);
   }
 
   bool by_arc_;
@@ -100,39 +84,37 @@ template <int Dim> class Differences {
 
 }  // namespace
 
-template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& coarser,
-                                            Result<Dim>& result, const Monitor& monitor) {
+template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& like, Result<Dim>& result,
+                                            const Monitor& monitor) {
   if (!result.path_errors) return;
   PathErrors& errors = *result.path_errors;
   errors.space = errors.largest().first;
-  if (is_elastic(result.model) || !(coarser.history.back().dissipated > 0.0)) return;
-  const Stage stage("other steps", monitor);
-  std::string why = "paths of other steps take as many";
+  const HistoryStep<Dim>& last = result.history.back();
+  if (is_elastic(result.model) || !(last.dissipated > unseen_flow * (last.stored + last.dissipated))) return;
+  const Stage stage("smaller steps", monitor);
+  std::string why;
   try {
-    const auto more_than = [&](const Result<Dim>& other) {
-      return static_cast<double>(coarser.history.size()) / static_cast<double>(other.history.size());
+    const auto steps = static_cast<double>(like.history.size());
+    if (!(like.history.back().dissipated > least_flow * last.dissipated))
+      throw NumericalError("materials of a coarser path hardly flow");
+    const Result<Dim> other = with_smaller_steps(settings, like, stage.within());
+    const double more = static_cast<double>(other.history.size()) / steps;
+    if (more < least_more) throw NumericalError("smaller steps end before");
+    // Of steps of size h and of h / `more` that the difference is (1 - 1 / more) times the error by h.
+    const double factor = steps / result.history.size() / (1.0 - 1.0 / more);
+    const Differences<Dim> differences(settings, like, other);
+    const auto add = [&](double difference, double& error) {
+      error += factor * difference;
+      errors.steps = std::max(errors.steps, factor * difference);
     };
-    std::optional<Result<Dim>> other;
-    if (coarser.history.size() > 1) other.emplace(with_steps(settings, coarser, true, stage.within()));
-    if (!other || more_than(*other) < least_more) other.emplace(with_steps(settings, coarser, false, stage.within()));
-    const double more = more_than(*other);
-    if (more >= least_more || more <= most_fewer) {
-      // Of steps of size h and those of `more` times that the difference is (more - 1) h times the error by h.
-      const double factor =
-          static_cast<double>(coarser.history.size()) / (std::abs(more - 1.0) * result.history.size());
-      const Differences<Dim> differences(settings, coarser, *other);
-      const auto add = [&](double difference, double& error) {
-        error += factor * difference;
-        errors.steps = std::max(errors.steps, factor * difference);
-      };
-      add(differences.work(), errors.work);
-      for (auto [kind, of] : {std::pair(&Curves::reactions, &errors.reactions), {&Curves::probes, &errors.probes}})
-        for (const auto& [name, difference] : differences.by_name(kind)) add(difference, of->at(name));
-      const double end = coarser.history.back().time, end_of_other = other->history.back().time;
-      if (errors.limit) add(std::abs(end - end_of_other) / std::abs(end), *errors.limit);
-      if (errors.stress && end == end_of_other) *errors.stress += factor * difference_of_stresses(coarser, *other);
-      return;
-    }
+    add(differences.work(), errors.work);
+    for (auto [kind, of] : {std::pair(&Curves::reactions, &errors.reactions), {&Curves::probes, &errors.probes}})
+      for (const auto& [name, difference] : differences.by_name(kind)) add(difference, of->at(name));
+    errors.dissipated += factor * differences.dissipated();
+    const double end = like.history.back().time, end_of_other = other.history.back().time;
+    if (errors.limit) add(std::abs(end - end_of_other) / std::abs(end), *errors.limit);
+    if (errors.stress && end == end_of_other) *errors.stress += factor * difference_of_stresses(like, other);
+    return;
   } catch (const InputError& error) {
     why = error.what();
   } catch (const NumericalError& error) {

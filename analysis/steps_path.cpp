@@ -167,9 +167,12 @@ template <int Dim> class Walk {
        const Monitor& monitor)
       : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
     if (settings.time) path_ = settings.time->path;
-    if (settings.steps.coarser) {
-      const std::vector<double> stops = std::exchange(path_.stops, {});
-      std::ranges::set_union(stops, times_of(*settings.steps.coarser), std::back_inserter(path_.stops));
+    if (settings.steps.coarser && path_.control == Control::load) {
+      std::vector<double>& stops = path_.stops;
+      const std::vector<double> times = times_of(*settings.steps.coarser);
+      stops.insert(stops.end(), times.begin(), times.end());
+      std::ranges::sort(stops);
+      stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
     }
     if (settings.time && settings.time->until) end_.emplace(settings, *settings.time->until);
     for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
@@ -491,6 +494,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
   if (const std::string unknown = estimate_steps(settings, std::move(program), walk.at(), result, monitor);
       !unknown.empty())
     estimate_path_errors(settings, unknown, coarsest, result, monitor);
+  if (settings.estimated) warn_of_turning_loads(settings, result);
   warn_of_instability(result);
   warn_of_gap(equations, walk.at(), result);
   if (options.kind == BasisKind::p1 &&

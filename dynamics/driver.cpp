@@ -98,6 +98,8 @@ template <int Dim> void Driver<Dim>::begin_ledger() {
 
 template <int Dim> void Driver<Dim>::begin_watch() {
   watch = {};
+  // A run that goes on from earlier steps has all of it in its balance already.
+  start_shares.assign(world.last_step > 0.0 ? static_cast<std::size_t>(world.num_bodies()) : 0, 0.0);
   world.added_inertia = {};
   if (world.options.mass_scaling.on()) inertia.begin(world);
   // Energies of bodies at rest are rounding: some 1e-17 of moduli times volumes.
@@ -183,6 +185,7 @@ template <int Dim> void Driver<Dim>::advance_nodes(double kick, double dt) {
   for (const auto& interaction : world.interactions) interaction->apply_impulses(world, kick, dt);
   for (const auto& interaction : world.interactions) interaction->finish_kick(world, kick, dt);
   resting = find_resting_bodies(world, contacts);
+  if (start_shares.empty()) start_shares = find_start_shares(world, kick);
   changes = dt * nodes.v;
   add<Dim>(changes, nodes.x, nodes.x_rest);
   for (Index a = 0; a < nodes.size(); ++a)
@@ -241,7 +244,7 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
     result.angular_momentum += moment_about_origin<Dim>(nodes.x.col(a), l);
   }
   Ledger& energies = result.energies;
-  const KineticEnergy now = kinetic_energy(world, resting);
+  const KineticEnergy now = kinetic_energy(world, resting, start_shares);
   energies.add_energy("kinetic", EnergyKind::kinetic, now.kinetic);
   energies.add_energy("prescribed", EnergyKind::work, now.supports);
   for (const double energy : stabilisation_energies(world))
@@ -259,7 +262,7 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
 template <int Dim> Ledger Driver<Dim>::leapfrog_energies() const {
   Ledger result = balance().energies;
   result.add_energy("kinetic", EnergyKind::kinetic,
-                    kinetic_energy(world, resting).resting + rigid->resting_energy(world));
+                    kinetic_energy(world, resting, start_shares).resting + rigid->resting_energy(world));
   return result;
 }
 
@@ -280,7 +283,7 @@ template <int Dim> void Driver<Dim>::pack(Archive& archive) {
   require(of.scheme == identity.scheme, "the state is one of another scheme");
   internal::pack(world, watch, archive);
   inertia.pack(archive);
-  archive(resting);
+  archive(resting, start_shares);
   stable.pack(archive);
   scheme->pack(archive);
   for (const auto& interaction : world.interactions) interaction->pack(archive);

@@ -157,7 +157,7 @@ void Driver<Dim>::begin_from(std::string_view state, bool velocities, const std:
   for (const auto& chunk : world.chunks) crack_radii.emplace_back(chunk.number, chunk.matter.crack_radius);
   unpack_world(world, watch, archive);
   inertia.pack(archive);
-  archive(resting);
+  archive(resting, start_shares);
   resting.clear();
   stable.pack(archive);
   scheme->pack(archive);

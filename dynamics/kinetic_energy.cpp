@@ -40,6 +40,7 @@ template <int Dim> Vector falling_masses(const World<Dim>& world) {
 
 template <int Dim>
 std::vector<char> find_resting_bodies(const World<Dim>& world, const std::vector<ContactImpulse<Dim>>& before) {
+  if (world.gravity.isZero(0.0)) return {};
   using Kind = ContactPartner::Kind;
   std::vector<char> rests(static_cast<std::size_t>(world.num_bodies()), 0);
   std::vector<std::pair<Index, Index>> pairs;  // of bodies
@@ -71,7 +72,25 @@ std::vector<char> find_resting_bodies(const World<Dim>& world, const std::vector
   return rests;
 }
 
-template <int Dim> KineticEnergy kinetic_energy(const World<Dim>& world, const std::vector<char>& resting) {
+template <int Dim> std::vector<double> find_start_shares(const World<Dim>& world, double kick) {
+  const Nodes<Dim>& nodes = world.nodes;
+  std::vector<double> shares(static_cast<std::size_t>(world.num_bodies()), 0.0);
+  const double falling = std::pow(kick, 2) * world.gravity.squaredNorm();
+  if (!(falling > 0.0)) return shares;
+  for (Index a = 0; a < nodes.size(); ++a)
+    if (nodes.mass[a] > 0.0)
+      shares[static_cast<std::size_t>(nodes.body[a])] +=
+          nodes.mass[a] * nodes.free.col(a).cwiseProduct(nodes.v.col(a) - nodes.v_before.col(a)).squaredNorm();
+  const Vector masses = falling_masses(world);
+  for (Index b = 0; b < world.num_bodies(); ++b) {
+    double& share = shares[static_cast<std::size_t>(b)];
+    share = masses[b] > 0.0 ? std::min(1.0, share / (masses[b] * falling)) : 0.0;
+  }
+  return shares;
+}
+
+template <int Dim> KineticEnergy kinetic_energy(const World<Dim>& world, const std::vector<char>& resting,
+                                                const std::vector<double>& start_shares) {
   const Nodes<Dim>& nodes = world.nodes;
   KineticEnergy result;
   for (Index a = 0; a < nodes.size(); ++a) {
@@ -90,14 +109,15 @@ template <int Dim> KineticEnergy kinetic_energy(const World<Dim>& world, const s
     const double all = 0.5 * masses[b] * faster.squaredNorm(),
                  falling = rests ? 0.0 : 0.5 * masses[b] * faster.cwiseProduct(unsupported.col(b)).squaredNorm();
     result.kinetic += falling;
-    result.resting += all - falling;
+    if (!start_shares.empty()) result.resting += start_shares[static_cast<std::size_t>(b)] * (all - falling);
   }
   return result;
 }
 
 #define EFREE_INSTANTIATE(Dim)                                                                                \
   template std::vector<char> find_resting_bodies(const World<Dim>&, const std::vector<ContactImpulse<Dim>>&); \
-  template KineticEnergy kinetic_energy(const World<Dim>&, const std::vector<char>&);
+  template std::vector<double> find_start_shares(const World<Dim>&, double);                                  \
+  template KineticEnergy kinetic_energy(const World<Dim>&, const std::vector<char>&, const std::vector<double>&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)
 #undef EFREE_INSTANTIATE

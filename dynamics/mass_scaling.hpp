@@ -52,7 +52,7 @@ class AddedInertia {
   /// (Cauchy-Schwarz), over that of the stresses, internal + stored: F u of a body of stiffness K and of a perfectly
   /// plastic one. Bending has large stresses by small forces, so that the first ratio is too small there. With
   /// Rayleigh's quotient w^2 = (internal + stored) / displacement, the frequency of the slowest mode with the scaled
-  /// mass, a displacement cos(q t) has the error (q / w)^2.
+  /// mass, a displacement cos(q t) has the ratio 2 (q / w)^2, twice its error.
   double error() const;
   /// Largest and median ratio of kinetic to internal energy, of the samples in which the latter is at least a tenth of
   /// its largest. In quasi-static processes it is 5 to 10 % at most, as a rule (Prior 1994).

@@ -29,7 +29,7 @@ struct Curve {
 
 /// All values of a path.
 struct Curves {
-  Curve work;
+  Curve work, dissipated;  ///< energies: stored and dissipated, and the latter alone
   std::map<std::string, Curve> reactions, probes;
 };
 template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<Dim>& result);

@@ -25,6 +25,7 @@ template <int Dim> struct Driver {
   StateIdentity identity;              ///< of the bodies at the start
   InertiaSampling<Dim> inertia;        ///< of mass scaling
   std::vector<char> resting;           ///< by body, of the last step: find_resting_bodies
+  std::vector<double> start_shares;    ///< by body: find_start_shares; empty: not yet
   bool lacks_walls = false;            ///< forces are of a start before walls were added
   double last_kick = 0.0;              ///< of the last step; 0: there is none
   RigidContact<Dim>* rigid = nullptr;  ///< of world.interactions, as the next

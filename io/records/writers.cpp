@@ -368,9 +368,9 @@ template <int Dim> void add_path(const Result<Dim>& result, ordered_json& json) 
 
 template <int Dim> void add_path_errors(const Result<Dim>& result, ordered_json& json) {
   const auto& errors = *result.path_errors;
-  json["estimates"]["path"] = {{"coarser", errors.coarser}, {"until", errors.until}, {"work", errors.work},
-                               {"space", errors.space},     {"steps", errors.steps}, {"reactions", errors.reactions},
-                               {"probes", errors.probes},   {"stress", nullptr}};
+  json["estimates"]["path"] = {{"coarser", errors.coarser},       {"until", errors.until},   {"work", errors.work},
+                               {"dissipated", errors.dissipated}, {"space", errors.space},   {"steps", errors.steps},
+                               {"reactions", errors.reactions},   {"probes", errors.probes}, {"stress", nullptr}};
   if (errors.stress) json["estimates"]["path"]["stress"] = *errors.stress;
   if (errors.limit) json["estimates"]["path"]["limit"] = *errors.limit;
 }

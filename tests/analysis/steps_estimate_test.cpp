@@ -281,6 +281,38 @@ TEST(StepsEstimate, ErrorsByTheSizeOfStepsAreStatedWhereALoadTurns) {
   }
 }
 
+TEST(StepsEstimate, WhatHappensInTheFirstOfFiveStepsIsInTheErrorByTheirSize) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  const auto moved = [](double time) { return Vec<2>(0.01 * std::sin(3.0 * time), -0.01); };  // at once
+  const Result<2> result = analyse(mesh, moved_block(moved, false, 0.2));
+  ASSERT_TRUE(result.path_errors);
+  Settings<2> finer = moved_block(moved, false, 0.002);
+  finer.estimated = false;
+  for (const auto& at : result.history) finer.time->path.stops.push_back(at.time);
+  const Result<2> truth = analyse(mesh, finer);
+  const double off = off_on_the_way(result, truth, "top");
+  EXPECT_GT(off, 0.02) << "a case in which steps do not matter";
+  EXPECT_GT(result.path_errors->steps, 0.6 * off);
+  EXPECT_LT(result.path_errors->steps, 2.5 * off);
+  const double dissipated = std::abs(result.history.back().dissipated / truth.history.back().dissipated - 1.0);
+  EXPECT_GT(result.path_errors->dissipated, 0.6 * dissipated);
+}
+
+TEST(StepsEstimate, ALoadThatTurnsWithinAStepIsWarnedOf) {
+  const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.2});
+  const auto warnings = [&](const std::function<Vec<2>(double)>& moved) {
+    return analyse(mesh, moved_block(moved, true, 0.1)).warnings;
+  };
+  EXPECT_THAT(warnings([](double time) { return Vec<2>(0.0, 0.01 * std::sin(20.0 * std::numbers::pi * time)); }),
+              Contains(AllOf(StartsWith("displacements, forces and stresses may be off by any amount"),
+                             HasSubstr("\"top\" turns within a step, from time"))));
+  const auto pulse = [](double time) { return Vec<2>(0.0, 0.01 * std::exp(-std::pow((time - 0.245) / 0.015, 2))); };
+  EXPECT_THAT(warnings([&](double time) { return Vec<2>(pulse(time) + Vec<2>(0.0, 0.003 * time)); }),
+              Contains(HasSubstr("from time 0.2 to 0.3")));
+  EXPECT_THAT(warnings([](double time) { return Vec<2>(0.0, 0.01 * std::sin(3.0 * time)); }),
+              Not(Contains(HasSubstr("turns within a step"))));
+}
+
 TEST(StepsEstimate, StepsThatEndWhereALoadTurnsBackAreExactInPlainCompression) {
   const FineMesh<2> mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
   const auto moved = [](double time) { return Vec<2>(0.0, 0.01 * (0.4 - std::abs(time - 0.4))); };

@@ -58,6 +58,22 @@ TEST(KineticEnergy, OfABlockThatSupportsHoldIsZero) {
   }
 }
 
+TEST(KineticEnergy, OfAFlatBodyThatStartsInBalanceStaysZeroAndSoDoesTheErrorOfTheBalance) {
+  for (const bool on_wall : {false, true}) {
+    Dynamics<2> dynamics({rectangle(2.0, 0.25, 0.0, 1000.0)}, otm<2>());
+    if (on_wall)
+      dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0});
+    else
+      dynamics.prescribe([](const Vec<2>& x) { return x[1] < 1e-9; }, 1, 0.0);
+    dynamics.set_gravity({0.0, -10.0});
+    dynamics.come_to_rest(1e-10, 100000);
+    const double start = dynamics.balance()["stored"];
+    dynamics.run(100.0 * dynamics.step());
+    EXPECT_LT(std::abs(dynamics.balance()["kinetic"]), 1e-8 * start);
+    EXPECT_LT(std::abs(dynamics.energy().largest_error()), 1e-6);
+  }
+}
+
 TEST(KineticEnergy, OfABlockAtRestOnAnotherHasNothingOfFreeFall) {
   for (const bool has_wall : {true, false}) {
     Dynamics<2> dynamics({rectangle(1.0, 0.5, 0.0), rectangle(1.0, 0.5, 0.5)}, otm<2>(),
