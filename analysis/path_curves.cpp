@@ -24,6 +24,21 @@ template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<
   return curves;
 }
 
+std::map<std::string, double> sizes_of(const std::map<std::string, Curve>& curves) {
+  constexpr double small = 0.01;
+  double most = 0.0;
+  for (const auto& [name, curve] : curves) most = std::max(most, curve.largest);
+  std::map<std::string, double> sizes;
+  for (const auto& [name, curve] : curves) sizes[name] = std::max(curve.largest, small * most);
+  return sizes;
+}
+
+double period_of(const Curve& curve) {
+  double period = 0.0;
+  for (const double time : curve.times) period = std::max(period, std::abs(time));
+  return period;
+}
+
 template <int Dim> std::vector<double> times_of(const Result<Dim>& result) {
   std::vector<double> times;
   for (const auto& step : result.history) times.push_back(step.time);

@@ -92,7 +92,7 @@ template <int Dim> class Comparison {
         ratio_(spacing_ratio(coarser, result)),
         curves_(curves_of(settings, result)),
         of_coarser_(curves_of(settings, coarser)) {
-    for (const double time : curves_.work.times) period_ = std::max(period_, std::abs(time));
+    period_ = period_of(curves_.work);
     if (by_arc_) {
       until_ = std::min(end_of(result), end_of(coarser));
     } else {
@@ -171,14 +171,11 @@ template <int Dim> class Comparison {
     return error_of_three(now, before, ratio_, !by_arc_ && alternates(curve, coarser, *coarsest));
   }
 
-  /// Errors over the largest of each value, or over a hundredth of the largest of all.
   std::map<std::string, double> errors_by_name(std::map<std::string, Curve> Curves::*kind) const {
-    double most = 0.0;
-    for (const auto& [name, curve] : curves_.*kind) most = std::max(most, curve.largest);
     std::map<std::string, double> errors;
-    for (const auto& [name, curve] : curves_.*kind)
-      errors[name] = error(curve, (of_coarser_.*kind).at(name), coarsest_ ? &(of_coarsest_.*kind).at(name) : nullptr,
-                           std::max(curve.largest, small_value * most));
+    for (const auto& [name, size] : sizes_of(curves_.*kind))
+      errors[name] = error((curves_.*kind).at(name), (of_coarser_.*kind).at(name),
+                           coarsest_ ? &(of_coarsest_.*kind).at(name) : nullptr, size);
     return errors;
   }
 

@@ -55,18 +55,14 @@ template <int Dim> class Differences {
   Differences(const Settings<Dim>& settings, const Result<Dim>& path, const Result<Dim>& other)
       : by_arc_(settings.time && settings.time->path.control == Control::arc_length),
         path_(curves_of(settings, path)),
-        other_(curves_of(settings, other)) {
-    for (const double time : path_.work.times) period_ = std::max(period_, std::abs(time));
-  }
+        other_(curves_of(settings, other)),
+        period_(period_of(path_.work)) {}
   double work() const { return of(path_.work, other_.work, path_.work.largest); }
   double dissipated() const { return of(path_.dissipated, other_.dissipated, path_.dissipated.largest); }
-  /// By name; of a hundredth of the largest of their kind if that is more.
   std::map<std::string, double> by_name(std::map<std::string, Curve> Curves::*kind) const {
     std::map<std::string, double> result;
-    double most = 0.0;
-    for (const auto& [name, curve] : path_.*kind) most = std::max(most, curve.largest);
-    for (const auto& [name, curve] : path_.*kind)
-      result[name] = of(curve, (other_.*kind).at(name), std::max(curve.largest, small_value * most));
+    for (const auto& [name, size] : sizes_of(path_.*kind))
+      result[name] = of((path_.*kind).at(name), (other_.*kind).at(name), size);
     return result;
   }
 
@@ -79,7 +75,7 @@ template <int Dim> class Differences {
 
   bool by_arc_;
   Curves path_, other_;
-  double period_ = 0.0;
+  double period_;
 };
 
 }  // namespace

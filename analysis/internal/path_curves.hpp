@@ -12,9 +12,6 @@
 
 namespace efree::internal {
 
-/// Values are over the largest on their path, or over this part of the largest of their kind if that is more.
-inline constexpr double small_value = 0.01;
-
 /// Values of a path by time, as vectors.
 struct Curve {
   std::vector<double> times;
@@ -33,6 +30,12 @@ struct Curves {
   std::map<std::string, Curve> reactions, probes;
 };
 template <int Dim> Curves curves_of(const Settings<Dim>& settings, const Result<Dim>& result);
+
+/// By name, what errors of values are over: the largest on their path, or a hundredth of the largest of all if that is
+/// more.
+std::map<std::string, double> sizes_of(const std::map<std::string, Curve>& curves);
+/// What times are over where paths are compared along an arc: the largest, by size.
+double period_of(const Curve& curve);
 
 /// The times of the steps of a path.
 template <int Dim> std::vector<double> times_of(const Result<Dim>& result);
