@@ -126,7 +126,9 @@ Converged newton(const Equations& equations, TangentSolver& tangent, const State
                  const NewtonOptions& options) {
   const State start = equations.under(factor, from);
   // Nothing is tried at the start itself, where what is prescribed jumps.
-  Vector change = tangent.change(from, equations.first_residual(from, start));
+  State here = from;
+  here.dt = start.dt;  // the flow of materials that depend on its rate takes time
+  Vector change = tangent.change(here, equations.first_residual(from, start));
   Converged result;
   std::string why;
   std::optional<Trial> trial;

@@ -187,6 +187,30 @@ TEST(Steps, AMetalStripYieldsAndIsUnloadedToAPlasticStrain) {
   EXPECT_GT(all, 0.017) << "it yields again on the way back";
 }
 
+TEST(Steps, AMetalStripWhoseYieldStressDependsOnTheRateFlowsFromStepToStep) {
+  const std::string metal =
+      replaced(replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                        "model = \"j2\"\nE = 1\nnu = 0.3\nyield = \"0.01 + 0.25*a\"\nC = 0.1\nreference_rate = 1e-3"),
+               "plane = \"strain\"", "plane = \"stress\"");
+  const Workspace work(replaced(replaced(metal, "1.6*t", "0.06*t"), "step = 0.25", "step = 0.1\nmax_step = 0.1"));
+  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
+  ASSERT_EQ(run.status, 0) << run.output;
+  const auto columns = history(work / "out/history.csv");
+  double plastic = 0.0, before = 0.0;
+  for (std::size_t k = 0; k < columns.at("t").size(); ++k) {
+    const double strain = columns.at("probe.end.ux")[k] / 2.0, dt = columns.at("t")[k] - before;
+    before = columns.at("t")[k];
+    double low = 0.0, high = strain - plastic;  // of the flow in the step
+    for (int i = 0; i < 100; ++i) {
+      const double flow = 0.5 * (low + high), factor = 1.0 + 0.1 * std::max(0.0, std::log(flow / dt / 1e-3));
+      (strain - plastic - flow > (0.01 + 0.25 * (plastic + flow)) * factor ? low : high) = flow;
+    }
+    if (strain > 0.01) plastic += low;
+    EXPECT_NEAR(columns.at("reaction.right.x")[k], strain - plastic, 1e-8) << columns.at("t")[k];
+  }
+  EXPECT_GT(plastic, 0.01);
+}
+
 TEST(Steps, StepsEndWhereLoadsTurnIfToldSo) {
   const Workspace work(
       replaced(replaced(rubber, "1.6*t", "0.8*(1 - abs(1 - 2*t))"), "step = 0.25", "step = 0.35\nstops = [0.5]"));
