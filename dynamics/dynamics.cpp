@@ -257,6 +257,7 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
   world.options.rest_from = rest_from;
   world.steps = world.steps_of_earlier_run = 0;
   world.last_step = 0.0;
+  parts_->rigid->begin_motions(world);
   Points<Dim> velocities(Dim, num_nodes());
   for (Index a = 0; a < num_nodes(); ++a) velocities.col(a) = rotation_velocity<Dim>(spin, world.nodes.x.col(a));
   world.frame_spin.setZero();

@@ -50,6 +50,17 @@ void prescribe_motion(const World<Dim>& world, const RigidBody<Dim>& body, doubl
         time));
 }
 
+/// Velocities at the start, which are prescribed of one with a mass, too.
+template <int Dim>
+void begin_motion(const World<Dim>& world, const RigidBody<Dim>& body, double time, RigidState<Dim>& now) {
+  RigidBody<Dim> massless = body;
+  massless.mass = massless.inertia = 0.0;
+  now.velocity.setZero();
+  now.spin.setZero();
+  prescribe_motion(world, massless, time, now);
+  if (body.mass > 0.0) now.velocity.array() *= body.free_axes().array();
+}
+
 /// Of a rigid body with a mass, by gravity at its centre and its own force.
 template <int Dim>
 Vec<Dim> acceleration(const World<Dim>& world, const RigidBody<Dim>& body, const Vec<Dim>& centre, double time) {
@@ -82,11 +93,7 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
   if (body.force && body.mass == 0.0) fail("a force is for one with a mass");
   if (added.is_free() && std::ranges::any_of(world.surface_points.bodies, [](char has) { return has != 0; }))
     fail("a mass is for bodies whose nodes are their surface, not for those on a cloud");
-  // The first velocity of one with a mass is prescribed, too.
-  RigidBody<Dim> massless = body;
-  massless.mass = massless.inertia = 0.0;
-  prescribe_motion(world, massless, world.time, added.now);
-  if (body.mass > 0.0) added.now.velocity.array() *= body.free_axes().array();
+  begin_motion(world, body, world.time, added.now);
   added.before = added.now;
   rigids_.push_back(std::move(added));
   x_searched_.resize(Dim, 0);
@@ -233,7 +240,7 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     rigid.impulse.setZero();
     rigid.angular_impulse.setZero();
     prescribe_motion(world, rigid.body, world.time + 0.5 * dt, rigid.now);
-    if (rigid.body.mass > 0.0)
+    if (rigid.body.mass > 0.0 && !world.stands_still)
       rigid.now.velocity += kick * acceleration(world, rigid.body, rigid.now.centre, world.time);
     rigid.velocity_before = rigid.now.velocity;
   }
@@ -244,11 +251,12 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
       apply_to_surface(world, rigid, dt);
       find_gaps(world, rigid);
       if (rigid.has_coulomb_friction()) rigid.friction.resize(world.nodes.size());
-      if (rigid.is_free()) solve_motion(world, rigid, dt);
+      if (rigid.is_free() && !world.stands_still) solve_motion(world, rigid, dt);
       apply_to_nodes(world, k, kick, dt);
     } else {
       apply_to_points(world, rigid, dt);
     }
+    if (world.stands_still) continue;
     // Its momentum is that of the impulses, to rounding.
     const double radial = world.axisymmetric() ? 0.0 : 1.0;
     if (rigid.body.mass > 0.0) {
@@ -341,6 +349,13 @@ template <int Dim> double RigidContact<Dim>::resting_energy(const World<Dim>& wo
     if (!rigid.now.force.isZero(0.0))
       result += 0.5 * rigid.body.mass * velocity_by_half_a_step(world, rigid).squaredNorm();
   return result;
+}
+
+template <int Dim> void RigidContact<Dim>::begin_motions(const World<Dim>& world) {
+  for (Rigid& rigid : rigids_) {
+    begin_motion(world, rigid.body, world.time, rigid.now);
+    rigid.before = rigid.now;
+  }
 }
 
 template <int Dim> Points<Dim> RigidContact<Dim>::wall_forces() const {

@@ -74,6 +74,18 @@ TEST(KineticEnergy, OfAFlatBodyThatStartsInBalanceStaysZeroAndSoDoesTheErrorOfTh
   }
 }
 
+TEST(KineticEnergy, ARigidBodyWaitsForAStaticStartAndThenFallsFromWhereItWas) {
+  Dynamics<2> dynamics({rectangle(1.0, 1.0, 0.0, 1000.0)}, otm<2>());
+  dynamics.prescribe([](const Vec<2>& x) { return x[1] < 1e-9; }, 1, 0.0);
+  dynamics.add_rigid_body({.shape = rigid_shapes::ball<2>({0.5, 2.0}, 0.3), .centre = {0.5, 2.0}, .mass = 1.0});
+  dynamics.set_gravity({0.0, -10.0});
+  dynamics.come_to_rest(1e-10, 100000);
+  EXPECT_EQ(dynamics.rigid_bodies()[0].centre[1], 2.0);
+  dynamics.run(0.2);
+  EXPECT_NEAR(dynamics.rigid_bodies()[0].centre[1], 2.0 - 5.0 * 0.2 * 0.2, 1e-12);
+  EXPECT_LT(std::abs(dynamics.energy().largest_error()), 1e-6);
+}
+
 TEST(KineticEnergy, OfABlockAtRestOnAnotherHasNothingOfFreeFall) {
   for (const bool has_wall : {true, false}) {
     Dynamics<2> dynamics({rectangle(1.0, 0.5, 0.0), rectangle(1.0, 0.5, 0.5)}, otm<2>(),

@@ -18,6 +18,8 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   explicit RigidContact(const Scheme<Dim>& scheme) : scheme_(scheme) {}
   /// Throws InputError for numbers that make no sense, and for a mass where bodies have surface points.
   void add(const World<Dim>& world, const RigidBody<Dim>& body, bool is_wall);
+  /// All have their velocities of the start again, where they are.
+  void begin_motions(const World<Dim>& world);
   /// Force of the bodies on each wall in the last step, in the order they were added.
   Points<Dim> wall_forces() const;
   /// Of all that are no walls, in the order they were added.
