@@ -382,7 +382,10 @@ template <int Dim> void RigidContact<Dim>::pack(Archive& archive) {
   std::uint64_t count = rigids_.size();
   archive(count);
   require(count == rigids_.size(), "the state is one of other walls and rigid bodies");
-  for (Rigid& rigid : rigids_) archive(rigid);
+  for (Rigid& rigid : rigids_) {
+    archive(rigid);
+    rigid.pushed = {};  // near points may be others now
+  }
   archive(x_searched_);
 }
 
