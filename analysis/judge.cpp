@@ -99,10 +99,10 @@ template <int Dim> void judge_path(const Settings<Dim>& settings, Result<Dim>& r
   if (!result.path_errors) return;
   const PathErrors& errors = *result.path_errors;
   const auto [most, of] = errors.largest();
-  const char* advice = 2.0 * errors.steps > most ? "most of it is by the size of the steps, use smaller ones ([time] "
-                                                   "step and max_step)"
-                       : settings.common.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud"
-                                                                              : "use a smaller mesh_size";
+  const char* advice = settings.common.approximation.kind == BasisKind::mls ? "use a smaller spacing of the cloud"
+                                                                            : "use a smaller mesh_size";
+  if (2.0 * errors.steps > most)
+    advice = "most of it is by the size of the steps, use smaller ones ([time] step and max_step)";
   const auto judge_one = [&](const std::string& what, double error, double bearable) {
     if (error < std::min(bearable, settings.largest_error)) return;
     const std::string text =

@@ -134,6 +134,7 @@ template <int Dim> class Comparison {
               ? error_of_three(now, factor(ratio_before_) * difference_of_stresses(coarser_, *coarsest_), ratio_, false)
               : now;
     }
+    errors.space = errors.largest().first;
     return errors;
   }
 
@@ -198,8 +199,7 @@ template <int Dim> std::string compare_paths(const Settings<Dim>& settings, cons
   if (comparison.until() == 0.0)
     return fmt::format("a coarser path did not reach time {:.6g}", result.history.front().time);
   result.path_errors = comparison.errors();
-  const bool flows = coarsest && coarsest->history.back().dissipated > 0.5 * result.history.back().dissipated;
-  add_errors_of_steps(settings, flows ? *coarsest : coarser, result, monitor);
+  add_errors_of_steps(settings, coarser, coarsest, result, monitor);
   return {};
 }
 

@@ -63,6 +63,14 @@ inline void hold(Dynamics<2>& dynamics, const std::function<bool(const Vec<2>&)>
   for (const int axis : {0, 1}) dynamics.prescribe(where, axis, 0.0);
 }
 
+/// A wall at that level, and a plate that comes down from a height of 1 by `way`, both with friction.
+inline void press_between_plates(Dynamics<2>& dynamics, double level, const Loading& loading, double way) {
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = level, .friction = 0.3});
+  dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>({0.0, -1.0}, -1.0),
+                           .friction = 0.3,
+                           .velocity = [=](double t) { return Vec<2>(0.0, -loading.speed(way, t)); }});
+}
+
 /// A block on a wall that a plate presses by a fifth of its height of 1.
 struct PressedBlock {
   bool is_metal = false;
@@ -79,10 +87,7 @@ inline ScalingScene press_block(const PressedBlock& of) {
                 const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, of.width, 1.0), {.size = 0.1});
                 Dynamics<2> dynamics({deformable_body(mesh, scaling_material(of.is_metal, 0.45), 1e-4)}, otm<2>(),
                                      {.damping = of.damping, .mass_scaling = scaling});
-                dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = 0.3});
-                dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>({0.0, -1.0}, -1.0),
-                                         .friction = 0.3,
-                                         .velocity = [=](double t) { return Vec<2>(0.0, -of.loading.speed(0.2, t)); }});
+                press_between_plates(dynamics, 0.0, of.loading, 0.2);
                 return dynamics;
               },
           .impulse = driving_impulse};
@@ -101,10 +106,7 @@ inline ScalingScene press_stack(const Loading& loading) {
                 high.points.row(1).array() += 0.5;
                 Dynamics<2> dynamics({low, high}, otm<2>(),
                                      {.mass_scaling = scaling, .contact = {.self = false, .friction = 0.3}});
-                dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = 0.3});
-                dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>({0.0, -1.0}, -1.0),
-                                         .friction = 0.3,
-                                         .velocity = [=](double t) { return Vec<2>(0.0, -loading.speed(0.1, t)); }});
+                press_between_plates(dynamics, 0.0, loading, 0.1);
                 return dynamics;
               },
           .impulse = driving_impulse};
@@ -228,10 +230,7 @@ inline ScalingScene press_ring(bool is_metal, const Loading& loading) {
                 Dynamics<2> dynamics(
                     {deformable_body(triangulate(domain, {.size = 0.1}), scaling_material(is_metal), 1e-4)}, otm<2>(),
                     {.mass_scaling = scaling, .contact = {.self = false}});
-                dynamics.add_wall({.normal = {0.0, 1.0}, .level = -1.0, .friction = 0.3});
-                dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>({0.0, -1.0}, -1.0),
-                                         .friction = 0.3,
-                                         .velocity = [=](double t) { return Vec<2>(0.0, -loading.speed(0.4, t)); }});
+                press_between_plates(dynamics, -1.0, loading, 0.4);
                 return dynamics;
               },
           .impulse = driving_impulse};

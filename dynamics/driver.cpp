@@ -2,7 +2,6 @@
 #include "efree/dynamics/internal/driver.hpp"
 
 #include "efree/dynamics/contact/internal/surfaces.hpp"
-#include "efree/dynamics/internal/kinetic_energy.hpp"
 #include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/rest.hpp"
 #include "efree/dynamics/internal/world.hpp"
@@ -235,7 +234,7 @@ template <int Dim> void Driver<Dim>::inspect() {
         world.time, 100.0 * error, 100.0 * imbalance));
 }
 
-template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
+template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance_with(const KineticEnergy& now) const {
   const Nodes<Dim>& nodes = world.nodes;
   EnergyBalance<Dim> result{.energies = world.ledger};
   for (Index a = 0; a < nodes.size(); ++a) {
@@ -245,7 +244,6 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
     result.angular_momentum += moment_about_origin<Dim>(nodes.x.col(a), l);
   }
   Ledger& energies = result.energies;
-  const KineticEnergy now = kinetic_energy(world, resting, start_shares);
   energies.add_energy("kinetic", EnergyKind::kinetic, now.kinetic);
   energies.add_energy("prescribed", EnergyKind::work, now.supports);
   for (const double energy : stabilisation_energies(world))
@@ -260,10 +258,14 @@ template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
   return result;
 }
 
+template <int Dim> EnergyBalance<Dim> Driver<Dim>::balance() const {
+  return balance_with(kinetic_energy(world, resting, start_shares));
+}
+
 template <int Dim> Ledger Driver<Dim>::leapfrog_energies() const {
-  Ledger result = balance().energies;
-  result.add_energy("kinetic", EnergyKind::kinetic,
-                    kinetic_energy(world, resting, start_shares).resting + rigid->resting_energy(world));
+  const KineticEnergy now = kinetic_energy(world, resting, start_shares);
+  Ledger result = balance_with(now).energies;
+  result.add_energy("kinetic", EnergyKind::kinetic, now.resting + rigid->resting_energy(world));
   return result;
 }
 

@@ -61,12 +61,12 @@ template <int Dim> std::optional<Plateau> plateau_of(const std::vector<HistorySt
 template <int Dim> std::string estimate_path(const Settings<Dim>& settings, const Result<Dim>* coarsest,
                                              Result<Dim>& result, const Monitor& monitor);
 
-/// Adds errors by the size of its steps to those of a path. Where materials flow they fall with the first power of the
-/// steps, as what they remember is integrated by backward Euler (Simo & Hughes 1998, section 3.3): `like`, the same
-/// path on a coarser cloud or mesh, is solved again with twice as many steps. A warning where that fails, or it does
-/// not flow.
-template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& like, Result<Dim>& result,
-                                            const Monitor& monitor);
+/// Adds errors by the size of its steps to those of a path by its `coarser` one and, unless it is null, the coarsest.
+/// Where materials flow they fall with the first power of the steps, as what they remember is integrated by backward
+/// Euler (Simo & Hughes 1998, section 3.3): the coarsest path that flows as the result does is solved again with twice
+/// as many steps. A warning where that fails, or none flows.
+template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& coarser,
+                                            const Result<Dim>* coarsest, Result<Dim>& result, const Monitor& monitor);
 /// A warning where loads leave the straight line between two steps of a path of materials that flow: neither the path
 /// nor estimates of its errors see what they do there.
 template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);

@@ -6,6 +6,7 @@
 #include "efree/dynamics/fracture/internal/fracture.hpp"
 #include "efree/dynamics/internal/earlier_state.hpp"
 #include "efree/dynamics/internal/initial_stress.hpp"
+#include "efree/dynamics/internal/kinetic_energy.hpp"
 #include "efree/dynamics/internal/loads.hpp"
 #include "efree/dynamics/internal/mass_scaling.hpp"
 #include "efree/dynamics/internal/stable_step.hpp"
@@ -47,6 +48,7 @@ template <int Dim> struct Driver {
   void erode(const std::vector<Index>& broken);
   void inspect();  ///< how stiff points are, and whether the energy is what it should be
   EnergyBalance<Dim> balance() const;
+  EnergyBalance<Dim> balance_with(const KineticEnergy& now) const;
   Ledger leapfrog_energies() const;  ///< of the balance that is checked: with KineticEnergy::resting
   void estimate_stable_step(Index most_products, bool is_due = true);
   void pack(Archive& archive);

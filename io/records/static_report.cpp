@@ -29,15 +29,15 @@ template <int Dim> std::string estimates_text(const Result<Dim>& result) {
 
 std::string path_errors_text(const PathErrors& errors) {
   const auto [most, of] = errors.largest();
+  const std::string of_dissipated =
+      errors.dissipated > 0.0 ? fmt::format(" ({:.2g} % of what is dissipated)", 100.0 * errors.dissipated) : "";
+  const std::string by_steps =
+      errors.steps > 0.0 ? fmt::format(", up to {:.2g} % of it by the size of the steps", 100.0 * errors.steps) : "";
   return fmt::format(
       "error of the path, by one of {:.2g} times the spacing{}: about {:.2g} % of the work{}, at most {:.2g} % ({}){}; "
-      "of "
-      "the stresses at the end {}",
-      errors.coarser, errors.steps > 0.0 ? " and smaller steps" : "", 100.0 * errors.work,
-      errors.dissipated > 0.0 ? fmt::format(" ({:.2g} % of what is dissipated)", 100.0 * errors.dissipated) : "",
-      100.0 * most, of,
-      errors.steps > 0.0 ? fmt::format(", up to {:.2g} % of it by the size of the steps", 100.0 * errors.steps) : "",
-      errors.stress ? fmt::format("{:.2g} %", 100.0 * *errors.stress) : "unknown");
+      "of the stresses at the end {}",
+      errors.coarser, errors.steps > 0.0 ? " and smaller steps" : "", 100.0 * errors.work, of_dissipated, 100.0 * most,
+      of, by_steps, errors.stress ? fmt::format("{:.2g} %", 100.0 * *errors.stress) : "unknown");
 }
 
 /// Probes, loads, reactions and extremes, with their errors where they are known, a line each.
