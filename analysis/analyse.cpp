@@ -8,6 +8,7 @@
 #include "efree/analysis/internal/located.hpp"
 #include "efree/analysis/internal/memory.hpp"
 #include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/analysis/internal/told_errors.hpp"
 #include "efree/assembly/follower_pressure.hpp"
 #include "efree/assembly/internal/no_follower.hpp"
@@ -282,7 +283,21 @@ template <int Dim> Result<Dim> internal::analyse_level(const PreparedMesh<Dim>& 
 
 template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& monitor) {
-  return analyse_or_tell<Dim>(mesh, given, monitor, nullptr);
+  Settings<Dim> settings = with_steps_of_checkpoint(given);
+  Result<Dim> result = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
+  for (double factor = 1.0; (factor = factor_of_open_steps(with_defaults(settings, mesh), result)) < 1.0;) {
+    settings = with_smaller_steps(std::move(settings), result, factor, monitor);
+    try {
+      Result<Dim> next = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
+      next.times.add(result.times);
+      next.cpu_seconds += result.cpu_seconds - mesh.cpu_seconds;
+      result = std::move(next);
+    } catch (const NumericalError& error) {
+      result.warnings.push_back(fmt::format("the path fails with smaller steps: {}", error.what()));
+      break;
+    }
+  }
+  return result;
 }
 
 template <int Dim>

@@ -164,7 +164,8 @@ template <int Dim> Settings<Dim> settings_of(Settings<Dim> settings, bool elemen
     if (is_elastic(model)) {  // a cloud follows where they take ever smaller steps
       if (!settings.time) settings.time.emplace();
       PathOptions& path = settings.time->path;
-      path.max_steps = std::min(path.max_steps, 200 + static_cast<int>(std::min(1e6, 3.0 * path.end / path.step)));
+      path.max_steps =
+          std::min(path.max_steps, 200 + static_cast<int>(std::min(1e6, 3.0 * path.end / path.first_step())));
     }
   } else {
     settings.common.approximation.spacing = spacing;
@@ -184,11 +185,13 @@ template <int Dim> std::optional<double> excess_of_path(const Settings<Dim>& set
     return std::max(result.estimates->total() / bearable_error(settings), history / bearable_error_of_path);
   }
   if (!result.path_errors) return {};
+  const PathErrors& errors = *result.path_errors;
   const bool by_arc = settings.time && settings.time->path.control == Control::arc_length;
-  const bool complete =
-      result.path_errors->until == result.history.back().time || (result.path_errors->limit && !by_arc);
+  const bool complete = errors.until == result.history.back().time || (errors.limit && !by_arc);
   if (!complete) return {};
-  return result.path_errors->space / bearable_error_of_path;  // a finer mesh has no smaller steps
+  // A finer mesh has no smaller steps.
+  const double by_steps = std::max(0.0, errors.steps - bearable_error_of_steps);
+  return std::max(errors.space, errors.largest().first - by_steps) / bearable_error_of_path;
 }
 
 /// Solves level after level.
@@ -197,14 +200,20 @@ template <int Dim> class Search {
   /// Refers to all.
   Search(const MeshSource<Dim>& source, const PreparedMesh<Dim>& natural, const Settings<Dim>& settings,
          const Monitor& monitor)
-      : source_(source), natural_(natural), settings_(settings), monitor_(monitor), is_resumed_(!settings.steps.from) {}
+      : source_(source),
+        natural_(natural),
+        settings_(with_steps_of_checkpoint(settings)),
+        monitor_(monitor),
+        is_resumed_(!settings.steps.from) {}
 
   /// The path of the first level whose errors are small, or of the last one. Its warnings say if a finer one failed.
   /// Throws NumericalError if the first level has no path.
   std::shared_ptr<Result<Dim>> refine(bool elements) {
+    excess_.reset();
     const Levels<Dim> levels(source_, natural_, elements, settings_.common.approximation.kind != BasisKind::mls);
     std::shared_ptr<Result<Dim>> best;
     std::shared_ptr<const Result<Dim>> coarser;  // than the best
+    std::shared_ptr<Result<Dim>> of_larger_steps;
     int beyond = 0;  // levels beyond a good one, to look for the one that is to be gone on with
     for (int level = levels.first(); levels.has(level); ++level) {
       if (level > 0 && best && !levels.has_room(best->approximation.nodes.cols())) break;
@@ -218,13 +227,31 @@ template <int Dim> class Search {
         throw;
       } catch (const NumericalError& error) {
         if (level < levels.first_of_mesh()) continue;
-        if (level == levels.first_of_mesh()) throw;
+        if (level == levels.first_of_mesh()) {
+          if (!of_larger_steps) throw;
+          best = of_larger_steps;
+          best->warnings.push_back(fmt::format("the path fails with smaller steps: {}", error.what()));
+          break;
+        }
         best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
         break;
       }
+      if (const double factor = factor_of_open_steps(with_defaults(settings_, natural_), *best); factor < 1.0) {
+        settings_ = with_smaller_steps(std::move(settings_), *best, factor, monitor_);
+        of_larger_steps = std::exchange(best, nullptr);
+        coarser.reset();
+        excess_.reset();
+        level = levels.first() - 1;
+        continue;
+      }
       const bool is_enough = !elements || level > 0;
-      if (is_enough && is_good() && (is_resumed_ || ++beyond > 1)) break;
+      if (is_enough && (is_good() || !falls()) && (is_resumed_ || ++beyond > 1)) break;
     }
+    if (!is_good() && !falls())
+      best->warnings.push_back(
+          "displacements, forces and stresses may be further off than their errors say: these do not fall as meshes "
+          "get "
+          "finer, as where strains localise");
     return best;
   }
 
@@ -243,6 +270,8 @@ template <int Dim> class Search {
  private:
   /// Whether the errors of the last path are small.
   bool is_good() const { return excess_ && *excess_ <= 1.0; }
+  /// Whether they are smaller than those of the path before, or may be.
+  bool falls() const { return !excess_ || !excess_before_ || *excess_ < *excess_before_; }
 
   std::shared_ptr<Result<Dim>> solve(const PreparedMesh<Dim>& mesh, bool elements, double spacing,
                                      const std::shared_ptr<Result<Dim>>& coarser, const Result<Dim>* coarsest) {
@@ -253,7 +282,7 @@ template <int Dim> class Search {
     times_.add(result->times);
     cpu_seconds_ += result->cpu_seconds;
     is_resumed_ = is_resumed_ || settings_.steps.from->body == fingerprint(result->approximation);
-    excess_ = excess_of_path(settings_, *result);
+    excess_before_ = std::exchange(excess_, excess_of_path(settings_, *result));
     const double error = result->path_errors ? result->path_errors->largest().first
                          : result->estimates ? result->estimates->total()
                                              : 0.0;
@@ -275,10 +304,10 @@ template <int Dim> class Search {
 
   const MeshSource<Dim>& source_;
   const PreparedMesh<Dim>& natural_;
-  const Settings<Dim>& settings_;
+  Settings<Dim> settings_;
   const Monitor& monitor_;
   bool is_resumed_;
-  std::optional<double> excess_;  ///< of the last path
+  std::optional<double> excess_, excess_before_;  ///< of the last path and the one before
   std::vector<Attempt> attempts_;
   StageTimes times_;
   double cpu_seconds_ = 0.0;

@@ -31,12 +31,11 @@ std::vector<double> with_middles(const std::vector<double>& times) {
 
 /// A path again, on the same cloud or mesh and with twice as many steps: larger ones would pass over what loads do.
 template <int Dim>
-Result<Dim> with_smaller_steps(const Settings<Dim>& settings, const Result<Dim>& path, const Monitor& monitor) {
+Result<Dim> with_half_steps(const Settings<Dim>& settings, const Result<Dim>& path, const Monitor& monitor) {
   Settings<Dim> other = same_path(settings, path);
   PathOptions& options = other.time->path;
   if (options.control == Control::arc_length) {
-    options.max_step = 0.5 * (options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end));
-    options.step *= 0.5;
+    options.scale *= 0.5;
     options.max_steps *= 2;
   } else {
     options.stops = with_middles(times_of(path));
@@ -84,7 +83,7 @@ template <int Dim> std::string compare_steps(const Settings<Dim>& settings, cons
                                              Result<Dim>& result, const Monitor& monitor) {
   if (!(like.history.back().dissipated > least_flow * result.history.back().dissipated))
     return "materials of a coarser path hardly flow";
-  const Result<Dim> other = with_smaller_steps(settings, like, monitor);
+  const Result<Dim> other = with_half_steps(settings, like, monitor);
   const auto steps = static_cast<double>(like.history.size());
   const double more = static_cast<double>(other.history.size()) / steps;
   if (more < least_more) return "smaller steps end before";

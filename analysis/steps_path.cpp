@@ -230,6 +230,7 @@ template <int Dim> class Walk {
     const PathPoint rest = beside_ ? beside_->equations().rest() : full_.rest();
     if (!from) {
       there_ = {rest, {}, body};
+      there_.scale = path_.scale;
       if (beside_) there_.agreed = rest;
       return;
     }
@@ -245,6 +246,7 @@ template <int Dim> class Walk {
           fmt::format("these steps have come to time {:.6g}, beyond the end at {:.6g}: run without --resume",
                       from->at.time, path_.end));
     there_ = *from;
+    there_.scale = path_.scale;
   }
 
   /// Follows equilibria of one model from where it is.

@@ -25,6 +25,8 @@ std::vector<std::string> doubts(const ApproximationOptions& options, const Appro
 template <int Dim> double bearable_error(const Settings<Dim>& settings);
 /// Relative error of a value of a load path (PathErrors::largest) from which on it is doubtful.
 inline constexpr double bearable_error_of_path = 0.05;
+/// Part of it that the size of its steps may have.
+inline constexpr double bearable_error_of_steps = 0.025;
 /// The warnings that errors which were asked for are not reached, because of `why`.
 template <int Dim>
 std::vector<std::string> misses(const Settings<Dim>& settings, const std::string& why, const Answer<Dim>& answer);

@@ -293,10 +293,10 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   TimeSettings<Dim> result;
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
-  result.path.step = section.number("step", up_to_end, 0.05 * result.path.end);
-  result.path.min_step = section.number("min_step", {0.0, result.path.step, false, true}, 1e-3 * result.path.step);
-  result.path.max_step = section.number("max_step", {result.path.step, Interval::infinity, true},
-                                        std::max(result.path.step, 0.1 * result.path.end));
+  if (section.has("step")) result.path.step = section.number("step", up_to_end);
+  const double first = result.path.first_step();
+  if (section.has("min_step")) result.path.min_step = section.number("min_step", {0.0, first, false, true});
+  if (section.has("max_step")) result.path.max_step = section.number("max_step", {first, Interval::infinity, true});
   result.path.control =
       section.choice<Control>("control", {{"load", Control::load}, {"arc_length", Control::arc_length}}, Control::load);
   result.path.max_steps = static_cast<int>(section.integer("max_steps", 1, 10000000, result.path.max_steps));

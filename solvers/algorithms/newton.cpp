@@ -286,7 +286,7 @@ class ArcStepper final : public Stepper {
  private:
   /// Change of the forces out of balance per time, taken for constant over a millionth of a step.
   Vector force_by_time(const State& at) const {
-    const double little = 1e-6 * options_.step;
+    const double little = 1e-6 * options_.first_step();
     const State later = equations_.under(at.time + little, at);
     return (equations_.first_residual(at, later) - equations_.residual(at)) / little;
   }
@@ -307,10 +307,9 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
                  const std::function<void(const PathStep&)>& converged, const Monitor& monitor) {
   constexpr int easy = 5, hard = 10;
   constexpr double near_least = 20.0;
-  require(options.step > 0.0, "a path needs a step > 0");
+  require(options.step >= 0.0 && options.scale > 0.0, "a path needs steps > 0");
   require(from.steps > 0 || options.end > from.time, "a path needs an end that is to come");
-  const double least = options.min_step > 0.0 ? options.min_step : 1e-3 * options.step;
-  const double most = options.max_step > 0.0 ? options.max_step : std::max(options.step, 0.1 * options.end);
+  const double least = options.least_step(), most = options.largest_step();
   if (from.steps == 0) from.began = from.time;
   const double begin = from.began;
   Stage stage("path", monitor);
@@ -319,7 +318,7 @@ PathPoint follow(const Equations& equations, LinearSolver& linear, PathPoint fro
     stepper = std::make_unique<TimeStepper>(equations, linear, options);
   else
     stepper = std::make_unique<ArcStepper>(equations, linear, options);
-  double size = from.next > 0.0 ? from.next : options.step;
+  double size = from.next > 0.0 ? from.next : options.first_step();
   while (from.time < options.end) {
     stage.tick(std::max(0.0, (from.time - begin) / (options.end - begin)));
     if (from.steps >= options.max_steps)

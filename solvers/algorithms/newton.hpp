@@ -77,13 +77,22 @@ struct PathStep;
 struct PathOptions {
   Control control = Control::load;
   double end = 1.0;             ///< [time]
-  double step = 0.1;            ///< the first [time]; of arc lengths what they are at the beginning
+  double step = 0.0;            ///< the first [time]; of arc lengths what they are at the beginning; 0: `end` / 20
   double min_step = 0.0;        ///< 0: a thousandth of the first
-  double max_step = 0.0;        ///< 0: a tenth of the way, but no less than the first
+  double max_step = 0.0;        ///< 0: `end` / 10, but no less than the first
+  double scale = 1.0;           ///< of the first and the largest step, whether they are given or not
   std::vector<double> stops{};  ///< times at which a step ends, ascending: where loads turn; not of arc lengths
   int max_steps = 10000;
   NewtonOptions newton{};
   std::function<bool(const PathStep&)> until{};  ///< asked after every step: true ends the path there
+
+  bool gives_steps() const { return step > 0.0 || max_step > 0.0; }
+  double first_step() const { return scale * given_first(); }
+  double largest_step() const { return scale * (max_step > 0.0 ? max_step : std::max(given_first(), 0.1 * end)); }
+  double least_step() const { return min_step > 0.0 ? min_step : 1e-3 * first_step(); }
+
+ private:
+  double given_first() const { return step > 0.0 ? step : 0.05 * end; }
 };
 
 /// A path that does not go on.
