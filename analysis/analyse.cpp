@@ -285,8 +285,10 @@ template <int Dim>
 Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, const Monitor& monitor) {
   Settings<Dim> settings = with_steps_of_checkpoint(given);
   Result<Dim> result = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
-  for (double factor = 1.0; (factor = factor_of_open_steps(with_defaults(settings, mesh), result)) < 1.0;) {
-    settings = with_smaller_steps(std::move(settings), result, factor, monitor);
+  while (true) {
+    const SmallerSteps smaller = smaller_steps_for(with_defaults(settings, mesh), result);
+    if (smaller.factor == 1.0) return result;
+    settings = with_smaller_steps(std::move(settings), result, smaller, monitor);
     try {
       Result<Dim> next = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
       next.times.add(result.times);
@@ -294,10 +296,9 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
       result = std::move(next);
     } catch (const NumericalError& error) {
       result.warnings.push_back(fmt::format("the path fails with smaller steps: {}", error.what()));
-      break;
+      return result;
     }
   }
-  return result;
 }
 
 template <int Dim>

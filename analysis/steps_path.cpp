@@ -167,13 +167,7 @@ template <int Dim> class Walk {
        const Monitor& monitor)
       : settings_(settings), full_(full), result_(result), monitor_(monitor), locator_(mesh(), settings.probes.size()) {
     if (settings.time) path_ = settings.time->path;
-    if (settings.steps.coarser && path_.control == Control::load) {
-      std::vector<double>& stops = path_.stops;
-      const std::vector<double> times = times_of(*settings.steps.coarser);
-      stops.insert(stops.end(), times.begin(), times.end());
-      std::ranges::sort(stops);
-      stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
-    }
+    if (path_.control == Control::load) add_stops();
     if (settings.time && settings.time->until) end_.emplace(settings, *settings.time->until);
     for (const auto& probe : settings.probes) places_.push_back(locator_(probe.at));
     begin();
@@ -218,6 +212,23 @@ template <int Dim> class Walk {
 
  private:
   const FineMesh<Dim>& mesh() const { return full_.approximation().space.mesh(); }
+
+  /// Stops where a coarser path has steps, and where loads turn.
+  void add_stops() {
+    constexpr double same = 1e-4;  // of the way
+    std::vector<double>& stops = path_.stops;
+    if (settings_.steps.coarser) {
+      const std::vector<double> times = times_of(*settings_.steps.coarser);
+      stops.insert(stops.end(), times.begin(), times.end());
+    }
+    const std::size_t others = stops.size();
+    for (const double turn : turning_times(settings_, mesh()))
+      if (std::none_of(stops.begin(), stops.begin() + others,
+                       [&](double stop) { return std::abs(stop - turn) < same * path_.end; }))
+        stops.push_back(turn);
+    std::ranges::sort(stops);
+    stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
+  }
 
   void begin() {
     const std::uint64_t body = fingerprint(full_.approximation());

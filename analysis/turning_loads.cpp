@@ -49,6 +49,14 @@ template <int Dim> Values values_of(const Acting<Dim>& acting, const Points<Dim>
   return values;
 }
 
+template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh) {
+  const Points<Dim>& vertices = mesh.vertices();
+  Points<Dim> at(Dim, vertices_looked_at);
+  for (Index k = 0; k < vertices_looked_at; ++k)
+    at.col(k) = vertices.col(k * (vertices.cols() - 1) / (vertices_looked_at - 1));
+  return at;
+}
+
 /// The largest distance of a load from the straight line between two steps, over its largest value at any step.
 struct Distance {
   double distance = 0.0;
@@ -58,10 +66,7 @@ struct Distance {
 
 template <int Dim>
 Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, const std::vector<double>& times) {
-  const Points<Dim>& vertices = mesh.vertices();
-  Points<Dim> at(Dim, vertices_looked_at);
-  for (Index k = 0; k < vertices_looked_at; ++k)
-    at.col(k) = vertices.col(k * (vertices.cols() - 1) / (vertices_looked_at - 1));
+  const Points<Dim> at = some_vertices(mesh);
   const auto there = [&](double time) { return values_of(settings.time->acting(time), at); };
   Values before = there(0.0);
   std::vector<double> largest(before.size(), 0.0);
@@ -99,6 +104,72 @@ template <int Dim> bool may_turn(const Settings<Dim>& settings) {
          !is_elastic(settings.common.model);
 }
 
+/// Of what turns are found from: values at even times, over their largest.
+using Signal = std::vector<double>;
+
+template <int Dim>
+std::vector<Signal> signals_of(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, int intervals) {
+  const Points<Dim> at = some_vertices(mesh);
+  std::vector<Signal> signals;
+  std::vector<std::pair<std::size_t, std::size_t>> groups;  // of signals that act together
+  for (int j = 0; j <= intervals; ++j) {
+    std::size_t k = 0;
+    for (const auto& [on, values] : values_of(settings.time->acting(settings.time->path.end * j / intervals), at)) {
+      if (j == 0) groups.emplace_back(k, k + values.size());
+      if (j == 0) signals.resize(k + values.size());
+      for (const double value : values) signals[k++].push_back(value);
+    }
+  }
+  for (const auto& [first, last] : groups) {
+    double largest = 0.0;
+    for (std::size_t k = first; k < last; ++k)
+      for (const double value : signals[k]) largest = std::max(largest, std::abs(value));
+    for (std::size_t k = first; k < last; ++k)
+      for (double& value : signals[k]) value /= largest;
+  }
+  std::erase_if(signals, [](const Signal& signal) {
+    return !std::ranges::all_of(signal, [](double value) { return std::isfinite(value); });
+  });
+  return signals;
+}
+
+/// Where the lines through two values before and two after the j-th meet, if that is within an interval of it; else j.
+double meeting_near(const Signal& f, int j) {
+  const int last = static_cast<int>(f.size()) - 1;
+  if (j < 2 || j > last - 2) return j;
+  const double before = f[j - 1] - f[j - 2], after = f[j + 2] - f[j + 1];
+  const double x = j + (f[j + 1] - f[j - 1] - before - after) / (before - after);
+  return std::abs(x - j) <= 1.0 ? x : j;
+}
+
+/// Where a signal has extremes, but for ripples, and kinks [intervals].
+std::vector<double> turns_of(const Signal& f) {
+  constexpr double ripple = 2e-3;             // of extremes
+  constexpr double least_kink = 0.05;         // change of the slope, over that of the largest value in the whole time
+  constexpr double kink_to_curvature = 10.0;  // change of the slope over its changes nearby; 3 where all is smooth
+  std::vector<double> turns;
+  const int last = static_cast<int>(f.size()) - 1;
+  int extreme = 0, direction = 0;
+  for (int j = 1; j <= last; ++j) {
+    const double beyond = f[j] - f[extreme];
+    if (direction * beyond > 0.0 || (direction == 0 && std::abs(beyond) <= ripple)) {
+      if (direction != 0) extreme = j;
+    } else if (std::abs(beyond) > ripple) {
+      if (direction != 0) turns.push_back(meeting_near(f, extreme));
+      direction = beyond > 0.0 ? 1 : -1;
+      extreme = j;
+    }
+  }
+  for (int j = 3; j <= last - 3; ++j) {
+    const auto slope = [&](int k) { return f[k] - f[k - 1]; };
+    const double change = std::abs(slope(j + 2) - slope(j - 1));
+    const double nearby = std::max(std::abs(slope(j - 1) - slope(j - 2)), std::abs(slope(j + 3) - slope(j + 2)));
+    if (change * last < least_kink || change < kink_to_curvature * nearby) continue;
+    if (const double x = meeting_near(f, j); std::abs(x - j) <= 0.5 + 1e-6) turns.push_back(x);
+  }
+  return turns;
+}
+
 /// Times of steps of a length and of the stops of a path, up to an end.
 std::vector<double> even_times(const PathOptions& path, double step, double end) {
   std::vector<double> times = path.stops;
@@ -110,6 +181,22 @@ std::vector<double> even_times(const PathOptions& path, double step, double end)
 }
 
 }  // namespace
+
+template <int Dim> std::vector<double> turning_times(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
+  if (!may_turn(settings)) return {};
+  const PathOptions& path = settings.time->path;
+  const auto intervals = static_cast<int>(std::clamp(times_in_step * path.end / path.largest_step(), 160.0, 1600.0));
+  std::vector<double> turns;
+  for (const Signal& signal : signals_of(settings, mesh, intervals))
+    for (const double x : turns_of(signal)) turns.push_back(x);
+  std::ranges::sort(turns);
+  std::vector<double> times;
+  for (const double x : turns) {
+    const double time = path.end * x / intervals;
+    if (times.empty() || time > times.back() + 0.5 * path.end / intervals) times.push_back(time);
+  }
+  return times;
+}
 
 template <int Dim>
 double factor_by_turning_loads(const Settings<Dim>& settings, const Result<Dim>& result, double least) {
@@ -132,10 +219,12 @@ template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Res
   result.warnings.push_back(fmt::format(
       "displacements, forces and stresses may be off by any amount: what acts on \"{}\" turns within a step, from time "
       "{:.6g} to {:.6g}, by {:.2g} % of its largest value, and materials flow; use smaller steps ([time] max_step), or "
-      "stops where it turns",
+      "stops where it jumps",
       most.on, most.from, most.to, 100.0 * most.distance));
 }
 
+template std::vector<double> turning_times<2>(const Settings<2>&, const FineMesh<2>&);
+template std::vector<double> turning_times<3>(const Settings<3>&, const FineMesh<3>&);
 template double factor_by_turning_loads<2>(const Settings<2>&, const Result<2>&, double);
 template double factor_by_turning_loads<3>(const Settings<3>&, const Result<3>&, double);
 template void warn_of_turning_loads<2>(const Settings<2>&, Result<2>&);

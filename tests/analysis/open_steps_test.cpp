@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 namespace efree {
@@ -84,6 +85,30 @@ TEST(OpenSteps, FollowALoadThatTurnsWithinStepsByDefault) {
   const Result<2> truth = with_small_steps(mesh, settings, result);
   EXPECT_NEAR(result.history.back().dissipated, truth.history.back().dissipated,
               0.02 * truth.history.back().dissipated);
+}
+
+TEST(OpenSteps, EndWhereALoadTurnsBackOrComesToRest) {
+  const FineMesh<2> mesh = square(0.2);
+  const auto turns_back = [](double time) { return Vec<2>(0.0, 0.01 * (0.5 - std::abs(time - 0.4371))); };
+  const auto rests = [](double time) {  // and goes on sideways
+    return Vec<2>(0.01 * std::max(0.0, time - 0.6123), 0.01 * std::min(time, 0.6123));
+  };
+  for (const auto& [moved, turn] :
+       {std::pair<std::function<Vec<2>(double)>, double>(turns_back, 0.4371), {rests, 0.6123}}) {
+    for (const double step : {0.0, 0.1}) {
+      Settings<2> settings = moved_square(moved);
+      settings.common.approximation.spacing = 0.4;
+      settings.time->path.step = step;
+      const Result<2> result = analyse(mesh, settings);
+      const auto nearest = std::ranges::min_element(
+          result.history, {}, [&](const HistoryStep<2>& there) { return std::abs(there.time - turn); });
+      EXPECT_NEAR(nearest->time, turn, 1e-9);
+      EXPECT_LT(result.history.size(), 20u) << "no other stops";
+      const Result<2> truth = with_small_steps(mesh, settings, result);
+      EXPECT_LT(off_in_force(result, truth), 0.03);
+      EXPECT_LT(off_in_force(result, truth), 2.0 * result.path_errors->steps + 1e-3);
+    }
+  }
 }
 
 TEST(OpenSteps, StayWhereALoadJumps) {
