@@ -298,7 +298,9 @@ template <int Dim> DynamicsOutcome run_dynamics(DynamicsModel<Dim>& model, const
     const double limit = std::min(settings.max_step, dynamics.step_towards(left));
     outcome.stop_reason = guard.check_step(dynamics.step(limit), limit);
     if (!outcome.stop_reason.empty()) break;
-    if (settings.residual > 0.0 && before >= settings.options.rest_from && dynamics.steps() % between_checks == 0) {
+    const bool again = outcome.residual && !std::isfinite(*outcome.residual);  // nodes had just stopped
+    if (settings.residual > 0.0 && before >= settings.options.rest_from &&
+        (again || dynamics.steps() % between_checks == 0)) {
       outcome.residual = dynamics.residual();
       outcome.at_rest = *outcome.residual <= settings.residual;
     }

@@ -240,6 +240,7 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
   world.stands_still = true;
   world.frame_spin = spin;
   constexpr Index between_looks = 16;
+  Index next_look = between_looks;
   double left = std::numeric_limits<double>::infinity();
   for (Index k = 1; left > residual; ++k) {
     if (k > most_steps)
@@ -249,8 +250,9 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
                       most_steps, left, residual));
     parts_->step(std::numeric_limits<double>::infinity());
     world.time = 0.0;
-    if (k % between_looks != 0) continue;
+    if (k < next_look) continue;
     left = this->residual();
+    next_look = k + (std::isfinite(left) ? between_looks : 1);  // nodes that just stopped say nothing
     if (look) look(left);
   }
   world.stands_still = false;

@@ -251,9 +251,10 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
       approach[k] += pair.gap < 0.0 ? -push_out_speed(world, pair, normal[k], dt) : pair.gap / dt;
     }
     const double largest = -approach.minCoeff();
+    const IterationEnd end = iteration_end(world, most_gradient_steps);
     if (largest > 0.0)
       minimise_energy<1>(
-          along, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+          along, approach, largest, end, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
     else
       normal.setZero();
     const Points<1> twice_mean = along.relative(world.nodes.v_before) + velocity + along.velocities(normal);
@@ -265,7 +266,8 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
     }
     if (most.maxCoeff() > 0.0) {
       const PairMobility<Dim, Dim> all(world, pairs_);
-      const Points<Dim> friction = friction_impulses<Dim>(all, all.relative(world.nodes.v), normals, most, 0.0, before);
+      const Points<Dim> friction =
+          friction_impulses<Dim>(all, all.relative(world.nodes.v), normals, most, 0.0, end, before);
       by_friction_.setZero(Dim, world.nodes.size());
       all.add(friction, by_friction_);
       on_nodes_ += by_friction_;

@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Walls and rigid bodies against points of the material, whose nodes come and go.
+#include "efree/dynamics/contact/internal/least_energy.hpp"
 #include "efree/dynamics/contact/internal/rigid_contact.hpp"
 
 #include <algorithm>
 #include <unordered_map>
 
 namespace efree::internal {
-namespace {
-
-/// Sweeps over all points end when none changes a velocity by more than this part of the largest that is to be stopped.
-constexpr double sweep_tolerance = 1e-3;
-constexpr int most_sweeps = 20;
-
-}  // namespace
-
 /// Impulses one after the other, each such that its point stays outside and sticks as far as friction goes (projected
 /// Gauss-Seidel: Moreau 1988; Jean 1999), from those of the step before.
 template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Rigid& rigid, double dt) {
@@ -72,7 +65,8 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     return normal > 0.0 && rigid.body.friction > 0.0 ? std::numeric_limits<double>::infinity() : 0.0;
   };
   double largest = 0.0;
-  for (int sweep = 0; sweep < most_sweeps; ++sweep) {
+  const IterationEnd end = iteration_end(world, 20);
+  for (int sweep = 0; sweep < end.most; ++sweep) {
     double change = 0.0;
     for (std::size_t k = 0; k < n; ++k) {
       if (!(mobility[k] > 0.0)) continue;
@@ -94,7 +88,7 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
       change = std::max(change, mobility[k] * more.norm());
       if (!more.isZero(0.0)) apply(k, more);
     }
-    if (change <= sweep_tolerance * largest) break;
+    if (change <= end.tolerance * largest) break;
   }
   double lost = 0.0, lost_by_friction = 0.0, held = 0.0;
   for (std::size_t k = 0; k < n; ++k) {

@@ -92,6 +92,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     rigid.point_impulses.setZero();
     return false;
   }
+  const IterationEnd end = iteration_end(world, most_gradient_steps);
   Points<1> normal = along(rigid.point_impulses);
   const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
@@ -107,11 +108,11 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     if (!along_normal || flat_normal != first) along_normal.emplace(world, inverse_mass_, rigid.near_points, first);
     flat_normal = first;
     minimise_energy<1>(
-        *along_normal, approach, largest, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+        *along_normal, approach, largest, end, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
   } else {
     Points<Dim> impulses = normals * normal.asDiagonal();
     minimise_energy<Dim>(
-        all_axes(), normals * approach.asDiagonal(), largest,
+        all_axes(), normals * approach.asDiagonal(), largest, end,
         [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
         impulses);
     normal = along(impulses);
@@ -119,7 +120,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   rigid.point_impulses = normals * normal.asDiagonal();
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
   if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
-  by_friction = friction_impulses<Dim>(all_axes(), velocities, normals, most, largest, before);
+  by_friction = friction_impulses<Dim>(all_axes(), velocities, normals, most, largest, end, before);
   rigid.point_impulses += by_friction;
   return true;
 }

@@ -120,6 +120,25 @@ TEST(Rest, KineticDampingOnACloudIsInTheEnergyBalance) {
   EXPECT_LT(std::abs(dynamics.energy().largest_error()), 0.01);
 }
 
+TEST(Rest, ACloudRestsOnARoughWall) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1});
+  for (const double friction : {0.1, 0.3}) {
+    for (const double spacing : {0.15, 0.2, 0.25}) {
+      SCOPED_TRACE(testing::Message() << "friction " << friction << ", spacing " << spacing);
+      Dynamics<2> dynamics({deformable_body(approximate(mesh, {.spacing = spacing}), rubber(), 1.0)},
+                           total_lagrangian<2>());
+      dynamics.add_wall({.normal = {0.0, 1.0}, .level = 0.0, .friction = friction});
+      dynamics.set_gravity({0.0, -10.0});
+      dynamics.come_to_rest(1e-7, 50000);
+      const Points<2> rest = dynamics.nodes();
+      const double sag = 1.0 - rest.row(1).maxCoeff(), exact = 10.0 * (1.0 - nu * nu) / (2.0 * E);
+      EXPECT_NEAR(sag, exact, 0.15 * exact);
+      dynamics.run(0.1);
+      EXPECT_LT((dynamics.nodes() - rest).colwise().norm().maxCoeff(), 0.06 * sag) << "it creeps";
+    }
+  }
+}
+
 TEST(Rest, DampingByMassHasItsTerminalVelocity) {
   const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.5});
   Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>(), {.damping = 2.0});
