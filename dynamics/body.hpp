@@ -36,7 +36,7 @@ template <int Dim> struct DeformableBody {
   /// K x N, with `shape`: shape functions at points of the surface, which walls act on. None: walls act on the nodes.
   std::optional<ShapeTable<Dim>> surface{};
   /// Terms of the series for the inverse of the consistent mass, with `shape`. 1: lumped masses, which slow waves down
-  /// where shape functions are wide.
+  /// where shape functions are wide. Three are taken for an even number that would be negative (total_lagrangian).
   Index mass_terms = 1;
 };
 

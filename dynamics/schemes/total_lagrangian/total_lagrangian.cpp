@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 
+#include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/masses.hpp"
 
 #include <fmt/format.h>
@@ -82,6 +83,30 @@ template <int Dim> void raise_light_masses(World<Dim>& world, Index body) {
   }
 }
 
+/// The largest eigenvalue of D^-1 M of a body, from below.
+template <int Dim> double largest_share(const World<Dim>& world, Index body) {
+  constexpr int products = 30;
+  const SparseRows& coupling = world.consistent_mass.coupling;
+  Points<Dim> mode = Points<Dim>::Zero(Dim, world.nodes.size());
+  const auto nodes = world.nodes_of(body);
+  for (const Index a : nodes) mode.col(a).setConstant(a % 2 == 0 ? 1.0 : -1.0 + 0.1 * (a % 7));
+  return internal::power_iteration<Dim>(
+      world.nodes.mass, products,
+      [&](const Points<Dim>& of, Points<Dim>& result) {
+        result.setZero();
+        for (const Index a : nodes) result.col(a) = row_times<Dim>(coupling, a, of);
+      },
+      mode);
+}
+
+/// An even number of terms has no inverse mass where D^-1 M has eigenvalues of 2, and a negative one beyond, as shape
+/// functions may that are negative somewhere: such modes would grow without end. Three terms are positive at any.
+template <int Dim> void keep_masses_positive(World<Dim>& world, Index body) {
+  constexpr double near_two = 1.9;
+  Index& terms = world.consistent_mass.terms[body];
+  if (terms % 2 == 0 && largest_share(world, body) > near_two) terms = 3;
+}
+
 /// M between nodes of bodies with more than one term.
 template <int Dim> void find_consistent_masses(World<Dim>& world) {
   std::vector<Eigen::Triplet<double, Index>> entries;  // N times the root of the point's mass
@@ -96,7 +121,10 @@ template <int Dim> void find_consistent_masses(World<Dim>& world) {
   const SparseRows by_node = values.transpose();
   world.consistent_mass.coupling = by_node * values;
   for (Index b = 0; b < world.num_bodies(); ++b)
-    if (world.consistent_mass.terms[b] > 1) raise_light_masses(world, b);
+    if (world.consistent_mass.terms[b] > 1) {
+      raise_light_masses(world, b);
+      keep_masses_positive(world, b);
+    }
 }
 
 template <int Dim> void find_surface_points(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
