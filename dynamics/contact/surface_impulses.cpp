@@ -92,7 +92,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     rigid.point_impulses.setZero();
     return false;
   }
-  const IterationEnd end = iteration_end(world, most_gradient_steps);
+  const IterationEnd end = iteration_end(world, most_steps_on_walls);
   Points<1> normal = along(rigid.point_impulses);
   const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
