@@ -9,7 +9,9 @@
 // versions with bitwise equal results print the same. CPU seconds per case go to the error stream.
 #include "efree/core/error.hpp"
 #include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
@@ -680,6 +682,81 @@ Simulation<2> elements_against_elements() {
 }
 
 // ---------------------------------------------------------------------------------------------------------------------
+// Particles and points on grids.
+
+SharedMaterial clay(double cohesion = 2.0) {
+  return DruckerPrager(
+      {.moduli = {.E = 1e3, .nu = 0.3}, .cohesion = cohesion, .friction = 0.4, .strain = Strain::finite});
+}
+
+/// Soil that falls down its free sides, whose particles split.
+template <int Dim> Simulation<Dim> falling_particles(double spacing, double splitting) {
+  SphOptions options{.spacing = spacing};
+  options.splitting.strain = splitting;
+  Body<Dim> body = particles_on_lattice<Dim>(bench::block<Dim>(1.0, 0.5), SphFrame::updated, options, clay(), 1.0);
+  set_velocity<Dim>(body, [](const Vec<Dim>& x) { return Vec<Dim>(x[1] * Vec<Dim>::Unit(0)); });
+  Dynamics<Dim> simulation({body}, sph<Dim>(options), {.imbalance = 10.0});
+  simulation.add_wall({.normal = Vec<Dim>::UnitY(), .friction = unlimited});
+  simulation.add_wall({.normal = Vec<Dim>::UnitX()});
+  const Vec<Dim> centre = in_plane<Dim>(0.5, 1.21);
+  simulation.add_rigid_body({.shape = rigid_shapes::ball<Dim>(centre, 0.2),
+                             .velocity = constant<Dim>(in_plane<Dim>(0.0, -2.0)),
+                             .centre = centre});
+  simulation.set_gravity(in_plane<Dim>(0.0, -10.0));
+  return simulation;
+}
+
+/// Two bodies that spin and collide, with corrected gradients and artificial stress; one breaks.
+Simulation<2> corrected_particles() {
+  SphOptions options{.spacing = 0.05, .corrected = true};
+  options.artificial_stress.strength = 0.5;
+  const FineMesh<2> mesh = bench::block<2>(1.0, 0.5);
+  Body<2> one = particles_on_lattice<2>(mesh, SphFrame::updated, options, rubber(), 1.0),
+          other = particles_on_lattice<2>(mesh, SphFrame::updated, options, metal(1.0, 0.02), 2.0);
+  set_velocity<2>(one, [](const Vec<2>& x) { return Vec<2>(0.3 - 0.1 * x[1], 0.1 * x[0]); });
+  set_velocity<2>(other, [](const Vec<2>& x) { return Vec<2>(-0.3 - 0.4 * x[1], -0.2); });
+  translate<2>(other, Vec<2>(1.1, 0.3));
+  other.fracture = {.stretch = 1.6};
+  return Dynamics<2>({one, other}, sph<2>(options), {.imbalance = 10.0});
+}
+
+/// A block that hits a wall, with shock viscosity, prescribed velocities and eigenerosion.
+Simulation<2> shocked_particles() {
+  const SphOptions options{.spacing = 0.04};
+  Body<2> body = particles_on_lattice<2>(bench::block<2>(1.0, 0.5), SphFrame::updated, options, metal(1.0, 0.05), 1.0);
+  body.fracture = {.toughness = 4e-3, .neighbourhood = 1.5};
+  set_velocity<2>(body, [](const Vec<2>& x) { return Vec<2>(x[0] - 0.5, -0.4); });
+  Dynamics<2> simulation({body}, sph<2>(options), {.imbalance = 10.0, .shock = {.linear = 0.5, .quadratic = 1.0}});
+  simulation.add_wall({.normal = Vec<2>::UnitY(), .friction = 0.2});
+  for (Index a = 0; a < body.nodes.cols(); ++a)
+    if (body.nodes(0, a) < 0.08) simulation.prescribe(a, 0, -0.5);
+  return simulation;
+}
+
+/// Two bodies that meet above a wall. Points with pressure patches, points without, or meshes.
+template <int Dim> Simulation<Dim> points_on_grid(MpmFrame frame, const MpmOptions& options,
+                                                  const SharedMaterial& material, bool patches,
+                                                  const DynamicsOptions& driver = {.imbalance = 10.0}) {
+  const double size = frame == MpmFrame::mesh ? options.cell : 0.5;
+  Body<Dim> one = body_on_lattice<Dim>(bench::block<Dim>(1.0, size), frame, options, 2, material, 1.0);
+  if (!patches) one.patches.clear();
+  Body<Dim> other = one;
+  translate<Dim>(other, in_plane<Dim>(0.2, 1.05));
+  const auto spin = [](Body<Dim>& body, double fall) {
+    const Points<Dim>& at = body.nodes.cols() > 0 ? body.nodes : body.points;
+    body.velocity.setZero(Dim, at.cols());
+    body.velocity.row(0) = 0.2 * at.row(1);
+    body.velocity.row(1) = -0.2 * at.row(0).array() - fall;
+  };
+  spin(one, 0.1);
+  spin(other, 0.5);
+  Dynamics<Dim> simulation({one, other}, mpm<Dim>(options), driver);
+  simulation.add_wall({.normal = Vec<Dim>::UnitY(), .level = -0.02, .friction = 0.3});
+  simulation.set_gravity(in_plane<Dim>(0.0, -0.1));
+  return simulation;
+}
+
+// ---------------------------------------------------------------------------------------------------------------------
 // Options.
 
 /// Two halves of a block of metal that run into each other.
@@ -851,6 +928,33 @@ std::vector<Case> cases() {
                                        .stabilisation = 0.3});
             }),
       plane("elastic_bar", 300, elastic_bar, change_loads),
+
+      plane("sph_soil", 300, [] { return falling_particles<2>(0.04, 0.0); }),
+      plane("sph_splitting", 300, [] { return falling_particles<2>(0.05, 0.02); }),
+      space("sph_soil_3d", 60, [] { return falling_particles<3>(0.1, 0.0); }),
+      space("sph_splitting_3d", 60, [] { return falling_particles<3>(0.1, 0.05); }),
+      plane("sph_corrected", 300, corrected_particles),
+      plane("sph_shock", 300, shocked_particles),
+      plane("mpm_patches", 200,
+            [] { return points_on_grid<2>(MpmFrame::updated, {.cell = 0.08}, metal(1.0, 0.02), true); }),
+      plane("mpm_without_patches", 200,
+            [] {
+              return points_on_grid<2>(MpmFrame::updated, {.cell = 0.08, .transfer = Transfer::xpic}, clay(0.01),
+                                       false);
+            }),
+      plane("mpm_remap", 200,
+            [] {
+              return points_on_grid<2>(MpmFrame::updated, {.cell = 0.08, .transfer = Transfer::flip, .remap = true},
+                                       metal(1.0, 0.02), false);
+            }),
+      plane("mpm_shock", 200,
+            [] {
+              return points_on_grid<2>(MpmFrame::updated, {.cell = 0.08, .transfer = Transfer::apic}, rubber(), true,
+                                       {.imbalance = 10.0, .shock = {.linear = 0.5, .quadratic = 1.0}});
+            }),
+      plane("mpm_mesh", 200, [] { return points_on_grid<2>(MpmFrame::mesh, {.cell = 0.1}, metal(1.0, 0.02), true); }),
+      space("mpm_patches_3d", 60,
+            [] { return points_on_grid<3>(MpmFrame::updated, {.cell = 0.2}, metal(1.0, 0.02), true); }),
   };
 }
 

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// bench_dynamics_speed SCENE [STEPS]: time and memory of explicit dynamics, a fixed number of steps of one scene on
-// OMP_NUM_THREADS threads (1 if not set). Prints the scene, CPU seconds of the steps (by the clock on several threads),
-// steps, material points, updates of points per second, the largest resident memory of the process and the time
-// reached. Without a scene it lists them.
+// bench_dynamics_speed SCENE [STEPS] [SIZE]: time and memory of explicit dynamics, a fixed number of steps of one scene
+// on OMP_NUM_THREADS threads (1 if not set). SIZE: points along an edge over those by default, for scenes of clay.
+// Prints the scene, CPU seconds of the steps (by the clock on several threads), steps, material points, updates of
+// points per second, the largest resident memory of the process, of which so much came on top of what was resident
+// before the scene to each point, and the same from the first step on; and the time reached. Without a scene it lists
+// them.
 #include "efree/dynamics/dynamics.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
+#include "efree/dynamics/schemes/sph/sph.hpp"
 #include "efree/dynamics/schemes/total_lagrangian/total_lagrangian.hpp"
 #include "efree/geometry/mesh/largest_body.hpp"
 #include "efree/geometry/meshing/image_mesh.hpp"
@@ -16,12 +20,16 @@
 
 #include "clock.hpp"
 #include "elastic_block.hpp"
+#include "soil_scenes.hpp"
 #include "taylor_bar.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
 #include <functional>
+#include <limits>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,12 +40,17 @@ namespace {
 template <int Dim> using Simulation = Dynamics<Dim>;
 template <int Dim> using Body = DeformableBody<Dim>;
 
-/// Largest resident memory so far [MiB]; 0 where the system does not say.
-double peak_memory() {
+/// A line of the process's memory [bytes]: VmHWM, the largest that was resident, or VmRSS, what is. 0 where the system
+/// does not say.
+double memory(const char* name) {
   std::ifstream status("/proc/self/status");
   for (std::string line; std::getline(status, line);)
-    if (line.starts_with("VmHWM:")) return std::atof(line.c_str() + 6) / 1024.0;
+    if (line.starts_with(name)) return 1024.0 * std::atof(line.c_str() + 6);
   return 0.0;
+}
+/// Makes VmHWM what is resident now.
+void forget_peak() {
+  std::ofstream("/proc/self/clear_refs") << "5";
 }
 
 /// Copper, axisymmetric, some 12 thousand points.
@@ -95,14 +108,52 @@ Simulation<2> gas() {
   return simulation;
 }
 
-template <int Dim> void time_steps(const char* scene, Index steps, Simulation<Dim> simulation) {
+/// Clay that falls down its free sides, on a rough floor and between smooth walls in the planes of symmetry.
+template <int Dim, class Lattice> Simulation<Dim> clay(std::unique_ptr<Scheme<Dim>> scheme, const Lattice& on_lattice) {
+  const bench::Soil of{.density = 1850.0,
+                       .bulk = 1.5e6,
+                       .nu = 0.3,
+                       .cohesion = 5e3,
+                       .friction = 25.0,
+                       .dilatancy = 0.0,
+                       .fit = Dim == 2 ? ConeFit::plane_strain : ConeFit::compression};
+  const Body<Dim> body = on_lattice(bench::block<Dim>(1.0, 1.0), of.material(), of.density);
+  Simulation<Dim> simulation({body}, std::move(scheme), {.imbalance = 10.0});
+  const Vec<Dim> up = Vec<Dim>::Unit(Dim - 1);
+  simulation.add_wall({.normal = up, .friction = std::numeric_limits<double>::infinity()});
+  for (int i = 0; i < Dim - 1; ++i) simulation.add_wall({.normal = Vec<Dim>::Unit(i)});
+  simulation.set_gravity(-bench::earth_gravity * up);
+  return simulation;
+}
+template <int Dim> Simulation<Dim> clay_particles(double size) {
+  const SphOptions options{.spacing = (Dim == 2 ? 1.0 / 300.0 : 1.0 / 40.0) / size};
+  return clay<Dim>(sph<Dim>(options), [&](const auto& mesh, const auto& material, double density) {
+    return particles_on_lattice<Dim>(mesh, SphFrame::updated, options, material, density);
+  });
+}
+template <int Dim> Simulation<Dim> clay_points(double size) {
+  const MpmOptions options{.cell = (Dim == 2 ? 1.0 / 150.0 : 1.0 / 20.0) / size};
+  return clay<Dim>(mpm<Dim>(options), [&](const auto& mesh, const auto& material, double density) {
+    return points_on_lattice<Dim>(mesh, options, 2, material, density);
+  });
+}
+
+template <class Prepare> void time_steps(const char* scene, Index steps, const Prepare& prepare) {
+  const double before = memory("VmRSS:");
+  auto simulation = prepare();
+  const double peak_before = memory("VmHWM:");
+  forget_peak();
   const double start = bench::seconds();
   while (simulation.steps() < steps) simulation.step();
   const double seconds = bench::seconds() - start;
-  std::printf("%s: %.3f s, %d steps, %d points, %.4g updates/s, %lld reconnections, peak %.1f MiB, time %.17g\n", scene,
-              seconds, simulation.steps(), simulation.num_points(),
-              static_cast<double>(simulation.count("point updates")) / seconds,
-              static_cast<long long>(simulation.count("reconnections")), peak_memory(), simulation.time());
+  const double peak_of_steps = memory("VmHWM:"), peak = std::max(peak_before, peak_of_steps);
+  const double points = simulation.num_points();
+  std::printf(
+      "%s: %.3f s, %d steps, %.0f points, %.4g updates/s, %lld reconnections, peak %.1f MiB, %.0f bytes/point, of the "
+      "steps %.0f, time %.17g\n",
+      scene, seconds, simulation.steps(), points, static_cast<double>(simulation.count("point updates")) / seconds,
+      static_cast<long long>(simulation.count("reconnections")), peak / (1024.0 * 1024.0), (peak - before) / points,
+      (peak_of_steps - before) / points, simulation.time());
 }
 
 }  // namespace
@@ -114,16 +165,24 @@ int main(int argc, char** argv) {
   struct Scene {
     std::string name;
     Index steps;
-    std::function<void(const char*, Index)> run;
+    std::function<void(const char*, Index, double)> run;
   };
   const auto scene = [](const char* name, Index steps, auto prepare) {
-    return Scene{name, steps, [prepare](const char* of, Index count) { time_steps(of, count, prepare()); }};
+    return Scene{name, steps, [prepare](const char* of, Index count, double) { time_steps(of, count, prepare); }};
+  };
+  const auto scene_of_size = [](const char* name, Index steps, auto prepare) {
+    return Scene{name, steps, [prepare](const char* of, Index count, double size) {
+                   time_steps(of, count, [&] { return prepare(size); });
+                 }};
   };
   for (const auto& [name, steps, run] :
        {scene("taylor_bar", 1900, taylor_bar), scene("taylor_bar_quarter", 1300, taylor_bar_quarter),
-        scene("contact", 1500, contact), scene("cloud", 1100, cloud), scene("gas", 800, gas)}) {
+        scene("contact", 1500, contact), scene("cloud", 1100, cloud), scene("gas", 800, gas),
+        scene_of_size("sph", 200, clay_particles<2>), scene_of_size("sph_in_space", 60, clay_particles<3>),
+        scene_of_size("mpm", 200, clay_points<2>), scene_of_size("mpm_in_space", 100, clay_points<3>)}) {
     if (argc < 2) std::printf("%s, %d steps\n", name.c_str(), steps);
-    if (argc > 1 && name == argv[1]) return run(argv[1], argc > 2 ? std::atoi(argv[2]) : steps), 0;
+    if (argc > 1 && name == argv[1])
+      return run(argv[1], argc > 2 ? std::atoi(argv[2]) : steps, argc > 3 ? std::atof(argv[3]) : 1.0), 0;
   }
   return 2;
 }
