@@ -20,9 +20,8 @@ template <> inline constexpr bool is_plain<ContactPartner::Kind> = true;
   static_assert(true)
 EFREE_FIELDS(EnergyWatch, start, scale, residual, largest_residual, beyond, begun);
 EFREE_FIELDS(Deformation, X, F, history, dt, heat);
-EFREE_FIELDS(MaterialResponse, P, history, energy, A, tangent, dissipated);
 template <int Dim> EFREE_FIELDS(Support<Dim>, metric, gamma, moment, has_moments, stabilisation);
-template <int Dim> EFREE_FIELDS(Matter<Dim>, now, response, F_table, F_since, x, volume, mass, added_mass, eroded,
+template <int Dim> EFREE_FIELDS(Matter<Dim>, now, P, energy, F_table, F_since, x, volume, mass, added_mass, eroded,
                                 J_ratio, J, shock, modulus, stiffness_ratio, damage, crack_radius);
 template <int Dim> EFREE_FIELDS(Chunk<Dim>, body, number, table, support, matter, patches, inverted, damping,
                                 compression_rate, stored, dissipated, viscous, lost, seconds);
@@ -60,8 +59,8 @@ template <int Dim> void internal::use_large_pages(const World<Dim>& world) {
   };
   for (const Chunk<Dim>& chunk : world.chunks) {
     const Matter<Dim>& matter = chunk.matter;
-    add(chunk.table.entries, chunk.table.local, matter.now.F, matter.response.P, matter.F_table, matter.now.history);
-    add(matter.response.history, matter.F_since, chunk.support.metric, chunk.support.moment);
+    add(chunk.table.entries, chunk.table.local, matter.now.F, matter.P, matter.F_table, matter.now.history);
+    add(matter.F_since, chunk.support.metric, chunk.support.moment);
   }
   move_to_large_pages(tables);
 }

@@ -170,9 +170,20 @@ template <int Dim> std::vector<Index> order_points(const DeformableBody<Dim>& bo
   return order;
 }
 
+/// Radius of the ball (disk) that has the volume of a point.
+template <int Dim> double radius_of_volume(const World<Dim>& world, const Matter<Dim>& matter, Index p) {
+  if (Dim == 3) return std::cbrt(0.75 / std::numbers::pi * matter.volume[p]);
+  return std::sqrt(matter.volume[p] / (world.out_of_plane(matter.x(0, p)) * std::numbers::pi));
+}
+
+template <int Dim> Mat<Dim> isotropic_metric(double spacing) {
+  return 1.0 / (spacing * spacing) * Mat<Dim>::Identity();
+}
+
 /// A chunk of these points of a body, which are at rest.
 template <int Dim> Chunk<Dim> make_chunk(const World<Dim>& world, const DeformableBody<Dim>& body, Index b,
-                                         std::span<const Index> points, const Neighbours<Dim>& nodes) {
+                                         const PointStorage& storage, std::span<const Index> points,
+                                         const Neighbours<Dim>& nodes) {
   const auto n = static_cast<Index>(points.size());
   Chunk<Dim> chunk;
   chunk.body = b;
@@ -186,34 +197,38 @@ template <int Dim> Chunk<Dim> make_chunk(const World<Dim>& world, const Deformab
   Points<3> X = Points<3>::Zero(3, n);
   X.template topRows<Dim>() = matter.x;
   matter.now = Deformation::none(std::move(X), body.material->history_size());
-  matter.response = respond(*body.material, matter.now, false);
-  matter.F_table = matter.now.F;
-  matter.F_since.assign(n, Mat<3>::Identity());
-  matter.eroded.assign(n, 0);
-  matter.crack_radius.resize(n);
-  const auto ball_as_large = [&](Index p) {
-    if (Dim == 3) return std::cbrt(0.75 / std::numbers::pi * matter.volume[p]);
-    return std::sqrt(matter.volume[p] / (world.out_of_plane(matter.x(0, p)) * std::numbers::pi));
-  };
-  for (Index p = 0; p < n; ++p) {
-    const double h = body.nodes.cols() > 0 ? world.nodes.spacing[world.first_node[b] + nodes.nearest(matter.x.col(p))]
-                                           : 2.0 * ball_as_large(p);
-    chunk.support.metric.push_back(1.0 / (h * h) * Mat<Dim>::Identity());
-    matter.crack_radius[p] = body.fracture.neighbourhood > 0.0 ? body.fracture.neighbourhood * h : ball_as_large(p);
+  MaterialResponse response = efree::respond(*body.material, matter.now, false);
+  matter.P = std::move(response.P);
+  matter.energy = std::move(response.energy);
+  if (storage.table_gradients) {
+    matter.F_table = matter.now.F;
+    matter.F_since.assign(n, Mat<3>::Identity());
   }
-  chunk.support.moment.assign(n, Mat<Dim>::Identity());
-  chunk.support.stabilisation.setZero(n);
-  for (Vector* ones : {&matter.J_ratio, &matter.J, &matter.stiffness_ratio}) ones->setOnes(n);
-  for (Vector* zeros : {&matter.shock, &matter.damage}) zeros->setZero(n);
-  if (world.options.shock.on()) matter.now.heat.setZero(n);
+  matter.eroded.assign(n, 0);
+  Vector spacing(n);
+  for (Index p = 0; p < n; ++p)
+    spacing[p] = body.nodes.cols() > 0 ? world.nodes.spacing[world.first_node[b] + nodes.nearest(matter.x.col(p))]
+                                       : 2.0 * radius_of_volume(world, matter, p);
+  if (storage.supports || world.options.shock.on())
+    for (const double h : spacing) chunk.support.metric.push_back(isotropic_metric<Dim>(h));
+  matter.J_ratio.setOnes(n);
   matter.modulus.setConstant(n, world.bodies[b].modulus);
+  if (storage.supports) {
+    chunk.support.moment.assign(n, Mat<Dim>::Identity());
+    chunk.support.stabilisation.setZero(n);
+    for (Vector* ones : {&matter.J, &matter.stiffness_ratio}) ones->setOnes(n);
+    matter.shock.setZero(n);
+  }
+  if (body.fracture.on() && body.fracture.neighbourhood > 0.0)
+    matter.crack_radius = body.fracture.neighbourhood * spacing;
+  complete_storage(world, chunk);
   chunk.table.offsets.assign(n + 1, 0);
   return chunk;
 }
 
 /// Chunks of the points of a body.
-template <int Dim>
-void add_chunks(World<Dim>& world, const DeformableBody<Dim>& body, Index b, const Neighbours<Dim>& nodes) {
+template <int Dim> void add_chunks(World<Dim>& world, const DeformableBody<Dim>& body, Index b,
+                                   const PointStorage& storage, const Neighbours<Dim>& nodes) {
   const auto M = static_cast<Index>(body.points.cols());
   if (M == 0) return;
   std::vector<Index> patches = body.patches;
@@ -227,16 +242,33 @@ void add_chunks(World<Dim>& world, const DeformableBody<Dim>& body, Index b, con
     for (; end < M && (end - begin < points_of_a_chunk || goes_on()); ++end)
       if (!goes_on()) starts.push_back(end - begin);
     starts.push_back(end - begin);
-    world.chunks.push_back(make_chunk<Dim>(world, body, b, std::span(order).subspan(begin, end - begin), nodes));
-    world.chunks.back().patches = std::move(starts);
+    world.chunks.push_back(
+        make_chunk<Dim>(world, body, b, storage, std::span(order).subspan(begin, end - begin), nodes));
+    world.chunks.back().patches.assign(starts.begin(), starts.end());
     begin = end;
   }
 }
 
 }  // namespace
 
-template <int Dim>
-void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies, const DynamicsOptions& options) {
+template <int Dim> void complete_storage(const World<Dim>& world, Chunk<Dim>& chunk) {
+  const Index n = chunk.size();
+  Matter<Dim>& matter = chunk.matter;
+  const auto radius = [&](Index p) { return radius_of_volume(world, matter, p); };
+  if (world.options.shock.on() != (matter.now.heat.size() != 0)) {
+    matter.now.heat.setZero(world.options.shock.on() ? n : 0);
+    matter.shock.setZero(world.options.shock.on() || matter.shock.size() != 0 ? n : 0);
+    matter.J = Vector::NullaryExpr(n, [&](Index p) { return matter.now.gradient(p).determinant(); });
+    if (chunk.support.metric.empty())
+      for (Index p = 0; p < n; ++p) chunk.support.metric.push_back(isotropic_metric<Dim>(2.0 * radius(p)));
+  }
+  if (!world.bodies[chunk.body].fracture.on()) return;
+  if (matter.damage.size() == 0) matter.damage.setZero(n);
+  if (matter.crack_radius.size() == 0) matter.crack_radius = Vector::NullaryExpr(n, radius);
+}
+
+template <int Dim> void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies,
+                                  const std::vector<PointStorage>& storage, const DynamicsOptions& options) {
   require_options(options);
   require(!bodies.empty(), "no body is given");
   world.options = options;
@@ -256,6 +288,7 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
   nodes.mass.setZero(N);
   nodes.spacing.resize(N);
   nodes.master.assign(N, -1);
+  nodes.body.reserve(N);
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const DeformableBody<Dim>& body = bodies[b];
     const Index first = world.first_node[b], count = static_cast<Index>(body.nodes.cols());
@@ -267,7 +300,7 @@ void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies
     Neighbours<Dim> tree;
     if (count > 0) tree.build(body.nodes);
     for (Index a = 0; a < count; ++a) nodes.spacing[first + a] = tree.spacing(body.nodes.col(a));
-    add_chunks<Dim>(world, body, static_cast<Index>(b), tree);
+    add_chunks<Dim>(world, body, static_cast<Index>(b), storage[b], tree);
   }
   world.find_points();
   world.find_free_axes();
@@ -305,7 +338,11 @@ template <int Dim> Index tie_bodies(World<Dim>& world) {
 
 template Index tie_bodies(World<2>&);
 template Index tie_bodies(World<3>&);
-template void construct(World<2>&, const std::vector<DeformableBody<2>>&, const DynamicsOptions&);
-template void construct(World<3>&, const std::vector<DeformableBody<3>>&, const DynamicsOptions&);
+template void complete_storage(const World<2>&, Chunk<2>&);
+template void complete_storage(const World<3>&, Chunk<3>&);
+template void construct(World<2>&, const std::vector<DeformableBody<2>>&, const std::vector<PointStorage>&,
+                        const DynamicsOptions&);
+template void construct(World<3>&, const std::vector<DeformableBody<3>>&, const std::vector<PointStorage>&,
+                        const DynamicsOptions&);
 
 }  // namespace efree::internal

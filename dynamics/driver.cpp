@@ -25,15 +25,32 @@ constexpr Index between_checks = 64;
 /// Checks in a row at which the energy is off before a run ends: while there is little of it, it may swing.
 constexpr Index checks_in_a_row = 8;
 
-/// A sum that remembers what rounding keeps from it (Kahan 1965): over many steps, angular momentum would feel it.
-template <int Dim> void add(const Points<Dim>& more, Points<Dim>& sum, Points<Dim>& rest) {
+/// Adds velocities times a time. A sum that remembers what rounding keeps from it (Kahan 1965): over many steps,
+/// angular momentum would feel it.
+template <int Dim> void add(double time, const Points<Dim>& velocities, Points<Dim>& sum, Points<Dim>& rest) {
   parallel_chunks(static_cast<Index>(sum.cols()), 1024, [&](Index begin, Index end) {
     for (Eigen::Index k = Dim * begin; k < Dim * end; ++k) {
-      const double change = more(k) + rest(k), before = sum(k);
+      const double change = time * velocities(k) + rest(k), before = sum(k);
       sum(k) += change;
       rest(k) = change - (sum(k) - before);
     }
   });
+}
+
+/// Velocities after the forces have acted for that time.
+template <int Dim> void accelerate(World<Dim>& world, double time) {
+  Nodes<Dim>& nodes = world.nodes;
+  if (!world.consistent_mass.any()) {
+    parallel_for(nodes.size(), [&](Index a) {
+      if (nodes.mass[a] > 0.0) nodes.v.col(a) += time * nodes.force.col(a) / nodes.mass[a];
+    });
+    return;
+  }
+  thread_local Points<Dim> impulses, changes;
+  impulses = time * nodes.force;
+  find_velocities(world, impulses, changes);
+  nodes.v += changes;
+  nodes.momentum += impulses;
 }
 
 template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<Dim>& scheme) {
@@ -52,7 +69,9 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
                                        std::unique_ptr<Scheme<Dim>> given, const DynamicsOptions& options)
     : scheme(std::move(given)) {
   require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
-  construct(world, bodies, options);
+  std::vector<PointStorage> storage;
+  for (const DeformableBody<Dim>& body : bodies) storage.push_back(scheme->point_storage(body));
+  construct(world, bodies, storage, options);
   identity = identify<Dim>(bodies, *scheme, options);
   auto rigid_contact = std::make_unique<RigidContact<Dim>>(*scheme);
   auto gas = std::make_unique<Cavities<Dim>>();
@@ -76,7 +95,7 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
   compute_internal_forces(world, *scheme, 0.0);
   begin_watch();
   use_large_pages(world);
-  stable.begin(world);
+  if (!scheme->stable_step(world)) stable.begin(world);
   stable.update_stiffness_ratios(world);
   estimate_stable_step(first_products);
   world.unscaled_step = world.stable_step / std::sqrt(options.mass_scaling.factor);
@@ -175,18 +194,13 @@ template <int Dim> void Driver<Dim>::advance_nodes(double kick, double dt) {
   auto start = std::chrono::steady_clock::now();
   Nodes<Dim>& nodes = world.nodes;
   nodes.v_before = nodes.v;
-  thread_local Points<Dim> impulses, changes;
-  impulses = kick * nodes.force;
-  find_velocities(world, impulses, changes);
-  nodes.v += changes;
-  if (world.consistent_mass.any()) nodes.momentum += impulses;
+  accelerate(world, kick);
   const std::vector<ContactImpulse<Dim>> contacts = world.contacts.all();
   for (const auto& interaction : world.interactions) interaction->apply_impulses(world, kick, dt);
   for (const auto& interaction : world.interactions) interaction->finish_kick(world, kick, dt);
   resting = find_resting_bodies(world, contacts);
   if (start_shares.empty()) start_shares = find_start_shares(world, kick);
-  changes = dt * nodes.v;
-  add<Dim>(changes, nodes.x, nodes.x_rest);
+  add<Dim>(dt, nodes.v, nodes.x, nodes.x_rest);
   for (Index a = 0; a < nodes.size(); ++a)
     if (nodes.follows(a))
       for (Points<Dim>* values : {&nodes.x, &nodes.x_rest, &nodes.v}) values->col(a) = values->col(nodes.master[a]);

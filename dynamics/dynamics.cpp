@@ -169,7 +169,7 @@ template <int Dim> Vector Dynamics<Dim>::release_rates() const {
   return parts_->fracture.release_rates(parts_->world);
 }
 template <int Dim> Vector Dynamics<Dim>::damage() const {
-  const auto damage_of = [](const Matter<Dim>& matter, Index p) { return Vec<1>(matter.damage[p]); };
+  const auto damage_of = [](const Matter<Dim>& matter, Index p) { return Vec<1>(matter.damage_at(p)); };
   return by_point<Points<1>>(world(), 1, damage_of).transpose();
 }
 
@@ -202,14 +202,12 @@ template <int Dim> Points<Dim> Dynamics<Dim>::point_velocities() const {
   return parts_->scheme->point_velocities(world());
 }
 template <int Dim> Tensors Dynamics<Dim>::deformation() const {
-  return by_point<Tensors>(world(), 9, [](const Matter<Dim>& matter, Index p) {
-    const Mat<3> F = matter.F_since[p] * Eigen::Map<const Mat<3>>(matter.F_table.col(p).data());
-    return Vec<9>(F.reshaped());
-  });
+  return by_point<Tensors>(
+      world(), 9, [](const Matter<Dim>& matter, Index p) { return Vec<9>(matter.own_gradient(p).reshaped()); });
 }
 template <int Dim> Tensors Dynamics<Dim>::cauchy_stress() const {
   return by_point<Tensors>(world(), 9, [](const Matter<Dim>& matter, Index p) {
-    const Eigen::Map<const Mat<3>> F(matter.now.F.col(p).data()), P(matter.response.P.col(p).data());
+    const Eigen::Map<const Mat<3>> F(matter.now.F.col(p).data()), P(matter.P.col(p).data());
     const Mat<3> sigma = P * F.transpose() / F.determinant();
     return Vec<9>(sigma.reshaped());
   });

@@ -175,9 +175,7 @@ void Driver<Dim>::begin_from(std::string_view state, bool velocities, const std:
     chunk.seconds = {};
     if (c < crack_radii.size() && crack_radii[c].first == chunk.number)
       chunk.matter.crack_radius = crack_radii[c].second;
-    if (world.options.shock.on() != (chunk.matter.now.heat.size() != 0))
-      chunk.matter.now.heat.setZero(world.options.shock.on() ? chunk.size() : 0);
-    if (!world.options.shock.on()) chunk.matter.shock.setZero();
+    complete_storage(world, chunk);
   }
   world.find_node_chunks();
   world.find_free_axes();

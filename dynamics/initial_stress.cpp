@@ -3,6 +3,7 @@
 #include "efree/dynamics/internal/initial_stress.hpp"
 
 #include "efree/dynamics/internal/driver.hpp"
+#include "efree/dynamics/internal/point_response.hpp"
 #include "efree/dynamics/points.hpp"
 
 #include <fmt/ranges.h>
@@ -140,16 +141,18 @@ template <int Dim> void Driver<Dim>::set_stresses(const InitialStressField<Dim>&
     average_patches(chunk, gradients);
     for (Index p = 0; p < chunk.size(); ++p) {
       const double J = gradients[p].determinant();
-      matter.F_table.col(p) = matter.now.F.col(p) = gradients[p].reshaped();
-      matter.F_since[p].setIdentity();
+      matter.now.F.col(p) = gradients[p].reshaped();
+      if (!matter.F_since.empty()) {
+        matter.F_table.col(p) = matter.now.F.col(p);
+        matter.F_since[p].setIdentity();
+      }
       matter.volume[p] /= J;
-      matter.J[p] = J;
+      if (matter.J.size() != 0) matter.J[p] = J;
       matter.J_ratio[p] = chunk.has_patches() ? 1.0 : J;
     }
     matter.now.dt = 0.0;
-    body.material->respond(matter.now, matter.response);
-    chunk.stored = matter.response.energy.dot(matter.volume);
-    matter.now.history.swap(matter.response.history);
+    update_stresses(*body.material, matter,
+                    [&](MaterialResponse& response) { chunk.stored = response.energy.dot(matter.volume); });
   });
   stable.update_stiffness_ratios(world);
   world.stable_step = std::numeric_limits<double>::infinity();  // nothing is known

@@ -233,7 +233,7 @@ template <int Dim> InertiaSample internal::InertiaSampling<Dim>::measure(const W
       const Vec<Dim> u = matter.x.col(p) - start_.col(number);
       result.kinetic += 0.5 * added * v.col(number).squaredNorm();
       result.force += added * acceleration * acceleration;
-      result.stress += matter.volume[p] * matter.response.P.col(p).norm();
+      result.stress += matter.volume[p] * matter.P.col(p).norm();
       body.mass += added;
       body.force += added * acceleration;
       body.moment += added * u;

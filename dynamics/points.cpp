@@ -3,6 +3,7 @@
 
 #include "efree/dynamics/fracture/internal/fracture.hpp"
 #include "efree/dynamics/internal/kernels.hpp"
+#include "efree/dynamics/internal/point_response.hpp"
 
 #include <fmt/ranges.h>
 #include <Eigen/Eigenvalues>
@@ -84,7 +85,7 @@ template <int Dim> void deform(const World<Dim>& world, Scheme<Dim>& scheme, Chu
   if (!body.material->finite_strain()) require_small_strains(world, chunk);
   if (dt == 0.0) {
     // In no time nothing moves, not even by rounding: flow depends on the rate.
-    matter.now.F = matter.F_table;
+    if (!matter.F_since.empty()) matter.now.F = matter.F_table;
     for (Index p = 0; p < n; ++p) matter.J_ratio[p] = matter.now.gradient(p).determinant();
   } else {
     chunk.compression_rate = std::max(chunk.compression_rate, std::log(bounds.shrinkage) / dt);
@@ -92,24 +93,27 @@ template <int Dim> void deform(const World<Dim>& world, Scheme<Dim>& scheme, Chu
   }
   chunk.damping *= kept_damping;
   if (!world.options.shock.on() || !(dt > 0.0)) return;
+  const Mat<3>* recent = chunk.recent_gradients();
   for (Index p = 0; p < n; ++p)
     if (!chunk.is_eroded(p) && !chunk.is_inverted(p))
-      update_shock_pressure(world, chunk, p, Eigen::Map<const Mat<3>>(columns + 16 * p), dt);
+      update_shock_pressure(world, chunk, p, recent[p], Eigen::Map<const Mat<3>>(columns + 16 * p), dt);
   chunk.viscous += matter.now.heat.dot(matter.volume);
 }
 
 /// Forces in a chunk's table of the stresses that its points have.
 template <int Dim> void scatter_stresses(const World<Dim>& world, Scheme<Dim>& scheme, Chunk<Dim>& chunk) {
   const Matter<Dim>& matter = chunk.matter;
+  const double reference = world.bodies[chunk.body].reference_pressure;
   const double* pressure = matter.shock.data();
-  if (const double reference = world.bodies[chunk.body].reference_pressure; reference != 0.0) {
+  if (matter.shock.size() == 0 || reference != 0.0) {
     thread_local Vector less;
-    less.resize(chunk.size());
-    for (Index p = 0; p < chunk.size(); ++p)
-      less[p] = matter.shock[p] - reference * matter.now.gradient(p).determinant();
+    less.setZero(chunk.size());
+    if (matter.shock.size() != 0) less = matter.shock;
+    for (Index p = 0; p < chunk.size() && reference != 0.0; ++p)
+      less[p] -= reference * matter.now.gradient(p).determinant();
     pressure = less.data();
   }
-  internal::kirchhoff_stresses(chunk.size(), matter.response.P.data(), matter.now.F.data(), pressure, chunk.columns());
+  internal::kirchhoff_stresses(chunk.size(), matter.P.data(), matter.now.F.data(), pressure, chunk.columns());
   for (const Index p : chunk.inverted) std::fill_n(chunk.columns() + 16 * p, 12, 0.0);
   scheme.scatter_forces(world, chunk);
 }
@@ -121,14 +125,14 @@ template <int Dim> void compute_forces_of(const World<Dim>& world, Scheme<Dim>& 
   deform(world, scheme, chunk, dt);
   chunk.seconds[0] += seconds_since(start);
   try {
-    body.material->respond(matter.now, matter.response);
+    internal::update_stresses(*body.material, matter, [&](MaterialResponse& response) {
+      internal::update_damage(world, chunk, response);
+      chunk.stored = response.energy.dot(matter.volume);
+      chunk.dissipated += response.dissipated.dot(matter.volume);
+    });
   } catch (const NumericalError& error) {
     throw NumericalError(fmt::format("at time {:.6g}: {}", world.time, error.what()));
   }
-  internal::update_damage(world, chunk);
-  chunk.stored = matter.response.energy.dot(matter.volume);
-  chunk.dissipated += matter.response.dissipated.dot(matter.volume);
-  matter.now.history.swap(matter.response.history);
   chunk.seconds[1] += seconds_since(start);
   scatter_stresses(world, scheme, chunk);
   chunk.seconds[2] += seconds_since(start);
@@ -217,8 +221,9 @@ template <int Dim> StrainBounds update_deformation(const World<Dim>& world, Chun
                           : world.axisymmetric() ? PlaneKind::axisymmetric
                                                  : PlaneKind::strain;
   Matter<Dim>& matter = chunk.matter;
-  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), matter.F_table.data(),
-                                      matter.F_since.data(), matter.now.F.data(), matter.J_ratio.data(),
+  const double* F_table = matter.F_since.empty() ? matter.now.F.data() : matter.F_table.data();
+  return internal::update_deformation(chunk.size(), plane, least, matter.volume.data(), F_table,
+                                      chunk.recent_gradients(), matter.now.F.data(), matter.J_ratio.data(),
                                       chunk.columns());
 }
 
@@ -236,22 +241,25 @@ template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<D
 
 template <int Dim> void take_increment(Chunk<Dim>& chunk, Index p, const Mat<Dim>& change) {
   Matter<Dim>& matter = chunk.matter;
-  Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
-  if (chunk.has_patches())
-    F = Mat<3>(matter.F_since[p] * F);
-  else
-    F = matter.now.gradient(p);  // the same, as it was computed
-  matter.F_since[p].setIdentity();
-  if (!chunk.is_eroded(p)) matter.F_since[p].template topLeftCorner<Dim, Dim>() = change;
+  if (!matter.F_since.empty()) {
+    Eigen::Map<Mat<3>> F(matter.F_table.col(p).data());
+    if (chunk.has_patches())
+      F = Mat<3>(matter.F_since[p] * F);
+    else
+      F = matter.now.gradient(p);  // the same, as it was computed
+  }
+  Mat<3>& recent = chunk.recent_gradients()[p];
+  recent.setIdentity();
+  if (!chunk.is_eroded(p)) recent.template topLeftCorner<Dim, Dim>() = change;
 }
 
 template <int Dim> StrainBounds deform_by_increments(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
-  Matter<Dim>& matter = chunk.matter;
+  Mat<3>* recent = chunk.recent_gradients();
   double* columns = chunk.columns();
   for (Index p = 0; p < chunk.size(); ++p) {
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) columns[16 * p + 4 * i + j] = matter.F_since[p](i, j);
-    if (!chunk.is_eroded(p)) matter.F_since[p].setIdentity();
+      for (int j = 0; j < 3; ++j) columns[16 * p + 4 * i + j] = recent[p](i, j);
+    if (!chunk.is_eroded(p)) recent[p].setIdentity();
   }
   return update_deformation(world, chunk, least);
 }
@@ -286,6 +294,7 @@ template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& for
 }
 
 template <int Dim> double stabilisation_energy(const World<Dim>& world, const Chunk<Dim>& chunk, Index p, double ago) {
+  if (chunk.support.stabilisation.size() == 0) return 0.0;
   double spread = 0.0;
   Vec<Dim> mean = Vec<Dim>::Zero();
   Mat<Dim> gradient = Mat<Dim>::Zero();

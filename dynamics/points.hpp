@@ -37,7 +37,8 @@ template <int Dim> void share_patch_pressures(Chunk<Dim>& chunk);
 template <int Dim> StrainBounds deform_by_table(const World<Dim>& world, Chunk<Dim>& chunk, PointTable<Dim>& table,
                                                 const Points<Dim>& nodes, double least);
 /// Starts a step of a point whose deformation gradient is multiplied by this one from the left: F_table becomes F, and
-/// F_since the change. Nothing changes at eroded points.
+/// F_since the change. Nothing changes at eroded points. Where points do not store these (PointStorage), call
+/// `deform_by_increments` before this thread works on another chunk.
 template <int Dim> void take_increment(Chunk<Dim>& chunk, Index p, const Mat<Dim>& change);
 /// Deformation gradients of the points of a chunk after `take_increment` of all, as internal::update_deformation leaves
 /// them.
@@ -60,9 +61,9 @@ template <int Dim> std::vector<double> stabilisation_energies(const World<Dim>& 
 /// Volume of a point over that before a step, below which the step inverts the point, or nearly so.
 inline constexpr double least_volume_left = 0.3;
 
-/// Viscous pressure of a point (ShockViscosity), and the heat it makes; before: F_since a step ago.
-template <int Dim>
-void update_shock_pressure(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before, double dt);
+/// Viscous pressure of a point (ShockViscosity), and the heat it makes, by Chunk::recent_gradients now and a step ago.
+template <int Dim> void update_shock_pressure(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& now,
+                                              const Mat<3>& before, double dt);
 /// Shock viscosity of the first step, in which whatever has met something is compressed: by the largest velocity of
 /// approach, so that what flies alone is not damped.
 template <int Dim> void estimate_first_damping(World<Dim>& world);

@@ -54,13 +54,13 @@ template <int Dim> std::pair<Vector, double> stress_forces(const World<Dim>& wor
   for (const auto& chunk : world.chunks) {
     if (!chunk.has_table()) {
       for (Index p = 0; p < chunk.size(); ++p)
-        of_points += std::pow(chunk.matter.volume[p], 2.0 - 2.0 / Dim) * chunk.matter.response.P.col(p).squaredNorm();
+        of_points += std::pow(chunk.matter.volume[p], 2.0 - 2.0 / Dim) * chunk.matter.P.col(p).squaredNorm();
       continue;
     }
     for (Index p = 0; p < chunk.size(); ++p)
       for (const auto& [a, entry] : chunk.table.row(p))
-        forces[a] += chunk.matter.volume[p] * chunk.matter.response.P.col(p).norm() *
-                     Eigen::Map<const Vec<Dim>>(entry.dN).norm();
+        forces[a] +=
+            chunk.matter.volume[p] * chunk.matter.P.col(p).norm() * Eigen::Map<const Vec<Dim>>(entry.dN).norm();
   }
   return {std::move(forces), of_points};
 }

@@ -35,6 +35,8 @@ template <int Dim> class Scheme {
   /// Numbers of its options that a run has to share with one whose state it starts from.
   virtual std::vector<double> identity() const { return {}; }
 
+  /// What the points of a body store. Asked before `begin`.
+  virtual PointStorage point_storage(const DeformableBody<Dim>&) const { return {}; }
   /// First tables, node masses and what else it keeps. The world has the nodes, points and velocities of the bodies.
   virtual void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) = 0;
   /// World::nodes.mass, and what else depends on the masses of the points, after these have changed. Throws InputError

@@ -84,8 +84,12 @@ template <int Dim> void StableStep<Dim>::update_stiffness_ratios(World<Dim>& wor
     const BodyState<Dim>& body = world.bodies[chunk.body];
     if (body.material->linear()) return;
     const MaterialResponse response = respond(*body.material, chunk.matter.now, true);
-    stiffness_ratios(chunk.size(), response.A.data(), chunk.matter.now.F.data(), body.compliance.data(),
-                     chunk.matter.stiffness_ratio.data(), chunk.matter.modulus.data());
+    Matter<Dim>& matter = chunk.matter;
+    Vector unused;
+    Vector& ratio = matter.stiffness_ratio.size() == 0 ? unused : matter.stiffness_ratio;
+    ratio.resize(chunk.size());
+    stiffness_ratios(chunk.size(), response.A.data(), matter.now.F.data(), body.compliance.data(), ratio.data(),
+                     matter.modulus.data());
   });
   next_ = world.steps;
   world.ledger.add_time("stability", seconds_since(start));

@@ -21,6 +21,7 @@ void gather(Vector& values, const std::vector<Index>& from) {
   if (values.size() != 0) values = values(from).eval();
 }
 template <class T, class A> void gather(std::vector<T, A>& values, const std::vector<Index>& from) {
+  if (values.empty()) return;
   std::vector<T, A> result;
   result.reserve(from.size());
   for (const Index p : from) result.push_back(values[p]);
@@ -39,12 +40,11 @@ template <int Dim> void gather(PointTable<Dim>& table, const std::vector<Index>&
 }
 
 template <int Dim> void gather(Matter<Dim>& matter, const std::vector<Index>& from) {
-  auto& [now, response, F_table, F_since, x, volume, mass, added_mass, eroded, J_ratio, J, shock, modulus,
+  auto& [now, P, energy, F_table, F_since, x, volume, mass, added_mass, eroded, J_ratio, J, shock, modulus,
          stiffness_ratio, damage, crack_radius] = matter;
   const auto gather_all = [&](auto&... values) { (gather(values, from), ...); };
-  gather_all(now.X, now.F, now.history, now.heat, response.P, response.history, response.energy, response.A);
-  gather_all(response.dissipated, F_table, F_since, x, volume, mass, added_mass, eroded, J_ratio, J, shock, modulus);
-  gather_all(stiffness_ratio, damage, crack_radius);
+  gather_all(now.X, now.F, now.history, now.heat, P, energy, F_table, F_since, x, volume, mass, added_mass, eroded);
+  gather_all(J_ratio, J, shock, modulus, stiffness_ratio, damage, crack_radius);
 }
 
 /// Inserts values before that one; no values stay none.
@@ -76,6 +76,13 @@ template <int Dim> std::vector<Index> Chunk<Dim>::take(const std::vector<Index>&
 template <int Dim> double* Chunk<Dim>::columns() const {
   thread_local AlignedVector<double> room;
   room.resize(std::max(room.size(), 16 * static_cast<std::size_t>(size())));
+  return room.data();
+}
+
+template <int Dim> Mat<3>* Chunk<Dim>::recent_gradients() {
+  if (!matter.F_since.empty()) return matter.F_since.data();
+  thread_local std::vector<Mat<3>> room;
+  room.resize(std::max(room.size(), static_cast<std::size_t>(size())));
   return room.data();
 }
 

@@ -111,7 +111,8 @@ template <int Dim> struct PointTable {
   }
 };
 
-/// How wide the shape functions of the points are, and what resists zero-energy modes of their nodes.
+/// How wide the shape functions of the points are, and what resists zero-energy modes of their nodes. Empty by schemes
+/// without them (PointStorage), but for the metric with shock viscosity.
 template <int Dim> struct Support {
   /// By point: metric of the supports, `gamma` over the square of the spacing along its axes.
   std::vector<Mat<Dim>> metric;
@@ -122,25 +123,37 @@ template <int Dim> struct Support {
   Vector stabilisation;  ///< by point: stiffness against zero-energy modes [force/length]
 };
 
-/// Material points.
+/// What points store from one step to the next, beside what every scheme needs.
+struct PointStorage {
+  bool table_gradients = true;  ///< Matter::F_table and F_since; else a scheme takes increments in every step
+  bool supports = true;         ///< Support, and the stiffness ratios that estimates of StableStep take
+};
+
+/// Material points. Arrays that may be empty are so where neither the scheme (PointStorage) nor an option needs them.
 template <int Dim> struct Matter {
   Deformation now;              ///< reference positions, F, history
-  MaterialResponse response;    ///< to it
-  Tensors F_table;              ///< F when the table was computed
-  std::vector<Mat<3>> F_since;  ///< the deformation gradient since then: F = F_since F_table
+  Tensors P;                    ///< first Piola-Kirchhoff stresses
+  Vector energy;                ///< stored energy [stress]
+  Tensors F_table;              ///< F when the table was computed; may be empty
+  std::vector<Mat<3>> F_since;  ///< the deformation gradient since then: F = F_since F_table; may be empty
   Points<Dim> x;                ///< positions
   Vector volume, mass;          ///< in the reference configuration; the volume of eroded points is 0
   Vector added_mass;            ///< part of the mass that MassScaling::step adds; empty: none
   std::vector<char> eroded;     ///< 1: bears no stress any more
   Vector J_ratio;               ///< J over that of the pressure patch
-  Vector J;                     ///< of the pressure patch, a step ago
-  Vector shock;                 ///< viscous pressure times J
+  Vector J;                     ///< of the pressure patch, a step ago; may be empty without shock viscosity
+  Vector shock;                 ///< viscous pressure times J; may be empty without shock viscosity
   Vector modulus;               ///< of pressure waves
-  Vector stiffness_ratio;       ///< largest stiffness over that at rest
-  Vector damage;                ///< at 1 the point breaks
-  Vector crack_radius;          ///< of the ball whose energy is released with the point's
+  Vector stiffness_ratio;       ///< largest stiffness over that at rest; may be empty
+  Vector damage;                ///< at 1 the point breaks; empty: 0 everywhere
+  Vector crack_radius;  ///< of the ball whose energy is released with the point's; may be empty without fracture
 
   Index size() const { return now.size(); }
+  double damage_at(Index p) const { return damage.size() == 0 ? 0.0 : damage[p]; }
+  /// Deformation gradient of a point, without the mean dilatation of its pressure patch.
+  Mat<3> own_gradient(Index p) const {
+    return F_since.empty() ? now.gradient(p) : Mat<3>(F_since[p] * Eigen::Map<const Mat<3>>(F_table.col(p).data()));
+  }
   /// Mass of a point without the part that MassScaling::step adds.
   double own_mass(Index p) const { return added_mass.size() == 0 ? mass[p] : mass[p] - added_mass[p]; }
 };
@@ -179,6 +192,9 @@ template <int Dim> struct Chunk {
   std::vector<Index> take(const std::vector<Index>& from);
   /// Sixteen numbers a point, what kernels hand over: of this thread, for whatever chunk it works on.
   double* columns() const;
+  /// By point, the deformation gradient since tables were computed, or, where points do not store it, since a step ago:
+  /// then of this thread, for whatever chunk it works on.
+  Mat<3>* recent_gradients();
 };
 
 /// Properties that all points of a body share.

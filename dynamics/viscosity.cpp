@@ -16,12 +16,12 @@ struct Viscosity {
   double damping(double speed) const { return 0.5 * highest * length * speed / (sound * sound); }
 };
 
-/// By the compression since F_since was `before`.
-template <int Dim>
-Viscosity viscosity_of(const World<Dim>& world, const Chunk<Dim>& chunk, Index p, const Mat<3>& before) {
+/// By the compression from one of Chunk::recent_gradients to another.
+template <int Dim> Viscosity viscosity_of(const World<Dim>& world, const Chunk<Dim>& chunk, Index p,
+                                          const Mat<3>& recent, const Mat<3>& before) {
   const Support<Dim>& support = chunk.support;
   const Matter<Dim>& matter = chunk.matter;
-  const Mat<Dim> now = matter.F_since[p].template topLeftCorner<Dim, Dim>();
+  const Mat<Dim> now = recent.template topLeftCorner<Dim, Dim>();
   const Mat<Dim> rate = now * before.template topLeftCorner<Dim, Dim>().inverse();
   Eigen::SelfAdjointEigenSolver<Mat<Dim>> axes;
   axes.computeDirect(rate + rate.transpose());
@@ -38,15 +38,15 @@ Viscosity viscosity_of(const World<Dim>& world, const Chunk<Dim>& chunk, Index p
 
 }  // namespace
 
-template <int Dim>
-void update_shock_pressure(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& before, double dt) {
+template <int Dim> void update_shock_pressure(const World<Dim>& world, Chunk<Dim>& chunk, Index p, const Mat<3>& now,
+                                              const Mat<3>& before, double dt) {
   const ShockViscosity& options = world.options.shock;
   Matter<Dim>& matter = chunk.matter;
   const double J = matter.now.gradient(p).determinant(), shrunk = -std::log(J / matter.J[p]);
   matter.J[p] = J;
   double pressure = 0.0;
   if (shrunk > 0.0) {
-    const Viscosity by = viscosity_of(world, chunk, p, before);
+    const Viscosity by = viscosity_of(world, chunk, p, now, before);
     const double speed = options.linear * by.sound + options.quadratic * by.length * shrunk / dt;
     // No more than is stable in a step such as this.
     const double damping = by.damping(speed), half = 0.5 * by.highest * dt;
@@ -71,14 +71,15 @@ template <int Dim> void estimate_first_damping(World<Dim>& world) {
   const double fastest = (most - least).norm();
   for (auto& chunk : world.chunks)
     for (Index p = 0; p < chunk.size(); ++p) {
-      const Viscosity by = viscosity_of(world, chunk, p, chunk.matter.F_since[p]);
+      const Mat<3> recent = chunk.matter.F_since.empty() ? Mat<3>(Mat<3>::Identity()) : chunk.matter.F_since[p];
+      const Viscosity by = viscosity_of(world, chunk, p, recent, recent);
       const double speed = options.linear * by.sound + options.quadratic * fastest;
       chunk.damping = std::max(chunk.damping, by.damping(speed));
     }
 }
 
-template void update_shock_pressure(const World<2>&, Chunk<2>&, Index, const Mat<3>&, double);
-template void update_shock_pressure(const World<3>&, Chunk<3>&, Index, const Mat<3>&, double);
+template void update_shock_pressure(const World<2>&, Chunk<2>&, Index, const Mat<3>&, const Mat<3>&, double);
+template void update_shock_pressure(const World<3>&, Chunk<3>&, Index, const Mat<3>&, const Mat<3>&, double);
 template void estimate_first_damping(World<2>&);
 template void estimate_first_damping(World<3>&);
 

@@ -16,20 +16,20 @@ template <int Dim> Vector tension_energies(const World<Dim>& world) {
     const Matter<Dim>& matter = chunk.matter;
     if (!(world.bodies[chunk.body].fracture.toughness > 0.0)) return;
     for (Index p = 0; p < chunk.size(); ++p)
-      if (!chunk.is_eroded(p) && matter.response.P.col(p).dot(matter.now.F.col(p)) > 0.0)
-        result[world.point_number(chunk, p)] = matter.own_mass(p) * matter.response.energy[p];
+      if (!chunk.is_eroded(p) && matter.P.col(p).dot(matter.now.F.col(p)) > 0.0)
+        result[world.point_number(chunk, p)] = matter.own_mass(p) * matter.energy[p];
   });
   return result;
 }
 
 /// Mean Cauchy stress [stress].
-template <int Dim> double mean_stress(const Matter<Dim>& matter, Index p) {
-  return matter.response.P.col(p).dot(matter.now.F.col(p)) / (3.0 * matter.now.gradient(p).determinant());
+double mean_stress(const Deformation& now, const MaterialResponse& response, Index p) {
+  return response.P.col(p).dot(now.F.col(p)) / (3.0 * now.gradient(p).determinant());
 }
 
 /// Damage by plastic strain over that at failure, by the rate, triaxiality and temperature now.
-template <int Dim> void add_plastic_damage(const BodyState<Dim>& body, Matter<Dim>& matter, Index p) {
-  MaterialResponse& now = matter.response;
+template <int Dim>
+void add_plastic_damage(const BodyState<Dim>& body, MaterialResponse& now, Matter<Dim>& matter, Index p) {
   const double flow = now.history(body.plastic_strain, p) - matter.now.history(body.plastic_strain, p);
   if (!(flow > 0.0)) return;
   Mat<3> tau = now.stress(p) * matter.now.gradient(p).transpose();
@@ -43,11 +43,10 @@ template <int Dim> void add_plastic_damage(const BodyState<Dim>& body, Matter<Di
 
 }  // namespace
 
-template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk) {
+template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk, MaterialResponse& now) {
   const BodyState<Dim>& body = world.bodies[chunk.body];
   if (!body.fracture.on() && world.num_eroded == 0) return;
   Matter<Dim>& matter = chunk.matter;
-  MaterialResponse& now = matter.response;
   for (Index p = 0; p < chunk.size(); ++p) {
     if (chunk.is_eroded(p)) {
       now.P.col(p).setZero();
@@ -61,8 +60,8 @@ template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk
       axes.computeDirect(F.transpose() * F, Eigen::EigenvaluesOnly);
       if (axes.eigenvalues()[2] >= body.fracture.stretch * body.fracture.stretch) matter.damage[p] = 1.0;
     }
-    if (body.fracture.strain) add_plastic_damage(body, matter, p);
-    if (body.fracture.spall > 0.0 && mean_stress(matter, p) > body.fracture.spall) matter.damage[p] = 1.0;
+    if (body.fracture.strain) add_plastic_damage(body, now, matter, p);
+    if (body.fracture.spall > 0.0 && mean_stress(matter.now, now, p) > body.fracture.spall) matter.damage[p] = 1.0;
   }
 }
 
@@ -130,7 +129,7 @@ template <int Dim> std::vector<Index> Fracture<Dim>::find_broken(const World<Dim
   std::vector<Index> broken;
   for (const auto& chunk : world.chunks)
     for (Index p = 0; p < chunk.size(); ++p)
-      if (!chunk.is_eroded(p) && chunk.matter.damage[p] >= 1.0) broken.push_back(world.point_number(chunk, p));
+      if (!chunk.is_eroded(p) && chunk.matter.damage_at(p) >= 1.0) broken.push_back(world.point_number(chunk, p));
   find_balls(world);
   if (balls_.empty()) return broken;
   Vector energies = tension_energies(world);
@@ -155,14 +154,15 @@ template <int Dim> void erode_points(World<Dim>& world, Scheme<Dim>& scheme, con
     const auto [c, p] = world.place_of_point[point];
     Chunk<Dim>& chunk = world.chunks[c];
     Matter<Dim>& matter = chunk.matter;
-    const double lost = matter.volume[p] * matter.response.energy[p];
+    const double lost = matter.volume[p] * matter.energy[p];
     world.ledger.add_energy("fracture", EnergyKind::loss, lost + stabilisation_energy(world, chunk, p));
     chunk.stored -= lost;
     matter.eroded[p] = 1;
-    matter.volume[p] = chunk.support.stabilisation[p] = matter.shock[p] = 0.0;
-    if (matter.now.heat.size() != 0) matter.now.heat[p] = 0.0;
-    matter.response.P.col(p).setZero();
-    matter.response.energy[p] = 0.0;
+    matter.volume[p] = matter.energy[p] = 0.0;
+    for (Vector* values : {&chunk.support.stabilisation, &matter.shock, &matter.now.heat})
+      if (values->size() != 0) (*values)[p] = 0.0;
+    matter.P.col(p).setZero();
+    if (matter.damage.size() == 0) matter.damage.setZero(chunk.size());
     matter.damage[p] = 1.0;
     ++world.num_eroded;
     world.ledger.add_count("eroded points", 1);
@@ -177,7 +177,7 @@ template <int Dim> void erode_points(World<Dim>& world, Scheme<Dim>& scheme, con
 }
 
 #define EFREE_INSTANTIATE(Dim)                                                      \
-  template void update_damage(const World<Dim>&, Chunk<Dim>&);                      \
+  template void update_damage(const World<Dim>&, Chunk<Dim>&, MaterialResponse&);   \
   template double release_factor<Dim>(double, double);                              \
   template void erode_points(World<Dim>&, Scheme<Dim>&, const std::vector<Index>&); \
   template class Fracture<Dim>;

@@ -7,10 +7,12 @@
 
 namespace efree::internal {
 
-/// The world at the start: nodes, and chunks of the points of all bodies without tables. Throws InputError for bodies
-/// and options that make no sense.
-template <int Dim>
-void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies, const DynamicsOptions& options);
+/// The world at the start: nodes, and chunks of the points of all bodies without tables. storage: by body. Throws
+/// InputError for bodies and options that make no sense.
+template <int Dim> void construct(World<Dim>& world, const std::vector<DeformableBody<Dim>>& bodies,
+                                  const std::vector<PointStorage>& storage, const DynamicsOptions& options);
+/// Arrays of a chunk that options of this run need, where those of an earlier run did not.
+template <int Dim> void complete_storage(const World<Dim>& world, Chunk<Dim>& chunk);
 /// Moves the tables of all points to large pages, as every step goes through all of them.
 template <int Dim> void use_large_pages(const World<Dim>& world);
 /// What of the world changes in a run.

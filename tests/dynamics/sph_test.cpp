@@ -233,7 +233,7 @@ TYPED_TEST(SmoothedParticles, SplittingConservesMassMomentaAndEnergies) {
   DeformableBody<Dim> body = soft_particles<Dim>(options);
   body.velocity = motion_of(body);
   World<Dim> world;
-  internal::construct(world, std::vector<DeformableBody<Dim>>{body, body}, DynamicsOptions{});
+  internal::construct(world, std::vector<DeformableBody<Dim>>{body, body}, {{}, {}}, DynamicsOptions{});
   for (const auto& chunk : world.chunks)
     for (Index p = 0; p < chunk.size(); ++p) world.nodes.mass[world.point_number(chunk, p)] = chunk.matter.mass[p];
   // Of the second body every third particle is strained.

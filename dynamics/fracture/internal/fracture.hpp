@@ -8,7 +8,7 @@ namespace efree::internal {
 
 /// Damage of a chunk's points by the step that the material has just answered to. Those that are eroded bear no stress,
 /// and keep their history.
-template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk);
+template <int Dim> void update_damage(const World<Dim>& world, Chunk<Dim>& chunk, MaterialResponse& response);
 
 /// C of energy release rates by the mean energy of a ball of radius r, G = C r mean(W). About a crack tip in plane
 /// strain W is G (3 - 4 nu - c) (1 + c) / (8 pi (1 - nu) s) at the distance s, c the cosine to the crack's direction

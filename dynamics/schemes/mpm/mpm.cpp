@@ -64,6 +64,9 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   }
   bool nodes_persist() const override { return false; }
 
+  PointStorage point_storage(const DeformableBody<Dim>& body) const override {
+    return {.supports = body.nodes.cols() != 0};
+  }
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
   void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
   StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) override;
@@ -239,7 +242,7 @@ template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
       take_gradient(columns + 4 * gathered_columns * p, of, p);
       of.not_strained.col(p) -= of.gradient.col(p);
       const Mat<3> tau =
-          Eigen::Map<const Mat<3>>(chunk.matter.response.P.col(p).data()) * chunk.matter.now.gradient(p).transpose();
+          Eigen::Map<const Mat<3>>(chunk.matter.P.col(p).data()) * chunk.matter.now.gradient(p).transpose();
       of.lost_power +=
           chunk.matter.volume[p] * tau.template topLeftCorner<Dim, Dim>()
                                        .cwiseProduct(Eigen::Map<const Mat<Dim>>(of.not_strained.col(p).data()))

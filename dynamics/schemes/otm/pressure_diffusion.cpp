@@ -24,7 +24,7 @@ template <int Dim> PointState point_state(const Chunk<Dim>& chunk, Index p) {
   const Matter<Dim>& matter = chunk.matter;
   if (chunk.is_eroded(p) || chunk.is_inverted(p)) return {};
   const double J = matter.now.gradient(p).determinant();
-  const double pressure = -matter.response.P.col(p).dot(matter.now.F.col(p)) / (3.0 * J);
+  const double pressure = -matter.P.col(p).dot(matter.now.F.col(p)) / (3.0 * J);
   return {pressure, std::max(matter.modulus[p] / J, std::abs(pressure)), J};
 }
 

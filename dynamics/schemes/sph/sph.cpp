@@ -82,6 +82,9 @@ template <int Dim> class Sph final : public Scheme<Dim> {
             options_.splitting.strain};
   }
 
+  PointStorage point_storage(const DeformableBody<Dim>& body) const override {
+    return {.table_gradients = !body.patches.empty(), .supports = false};
+  }
   void begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) override;
   void refresh(World<Dim>& world, internal::StableStep<Dim>&) override;
   StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) override;

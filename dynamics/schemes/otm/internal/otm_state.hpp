@@ -168,7 +168,7 @@ template <int Dim> Mat<Dim> current_moment(const Chunk<Dim>& chunk, Index p) {
 /// Kirchhoff stress of a point, without viscous pressure and its body's reference pressure.
 template <int Dim> Mat<3> kirchhoff_stress(const World<Dim>& world, const Chunk<Dim>& chunk, Index p) {
   const Mat<3> F = chunk.matter.now.gradient(p);
-  Mat<3> tau = Eigen::Map<const Mat<3>>(chunk.matter.response.P.col(p).data()) * F.transpose();
+  Mat<3> tau = Eigen::Map<const Mat<3>>(chunk.matter.P.col(p).data()) * F.transpose();
   if (const double pressure = world.bodies[chunk.body].reference_pressure; pressure != 0.0)
     tau.diagonal().array() += pressure * F.determinant();
   return tau;
