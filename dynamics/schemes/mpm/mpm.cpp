@@ -46,10 +46,21 @@ template <int Dim> std::array<long double, Dim> sum_momentum(const World<Dim>& w
   return sum;
 }
 
+/// Velocities by which the points of a chunk move in a step, and their gradients, by columns: of this thread, for
+/// whatever chunk it works on.
+template <int Dim> struct PointMotion {
+  Points<Dim> moved;
+  Points<Dim * Dim> gradient;
+};
+template <int Dim> PointMotion<Dim>& point_motion() {
+  thread_local PointMotion<Dim> room;
+  return room;
+}
+
 /// The gradient of a point's velocity, from what was gathered for it.
-template <int Dim> void take_gradient(const double* column, Particles<Dim>& particles, Index p) {
+template <int Dim> void take_gradient(const double* column, Points<Dim * Dim>& gradients, Index p) {
   for (int j = 0; j < Dim; ++j)
-    particles.gradient.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
+    gradients.col(p).template segment<Dim>(Dim * j) = Eigen::Map<const Vec<Dim>>(column + 4 * (1 + j));
 }
 
 template <int Dim> class Mpm final : public Scheme<Dim> {
@@ -118,10 +129,10 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   }
   void transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
   void filter_velocities(World<Dim>& world);
-  void find_gradients(World<Dim>& world);
+  void remap_motion(World<Dim>& world);
   void return_momentum(World<Dim>& world);
   void estimate_frequency(World<Dim>& world);
-  void move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
+  void move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, const Points<Dim>& moved, double dt);
   void move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
   void find_power(const World<Dim>& world, const Chunk<Dim>& chunk, const double* stress,
                   Particles<Dim>& particles) const;
@@ -183,14 +194,18 @@ void Mpm<Dim>::transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Parti
   const Index n = particles.count();
   const double* columns = grid_.gather(chunk, particles, world.nodes.v);
   const bool is_flip = options_.transfer == Transfer::flip || options_.transfer == Transfer::aflip;
+  Points<Dim>& moved = particles.mesh || options_.remap ? particles.moved : point_motion<Dim>().moved;
+  Points<Dim* Dim>& gradients = options_.remap ? particles.not_strained : point_motion<Dim>().gradient;
+  moved.resize(Dim, n);
+  if (!particles.mesh) gradients.resize(Dim * Dim, n);
   const double* before = nullptr;
   if (is_flip || options_.transfer == Transfer::xpic)
     before = grid_.gather_values(chunk, particles, world.nodes.v_before);
   for (Index p = 0; p < n; ++p) {
     const double* column = columns + 4 * gathered_columns * p;
     const Eigen::Map<const Vec<Dim>> now(column);
-    particles.moved.col(p) = now;
-    if (!particles.mesh) take_gradient(column, particles, p);
+    moved.col(p) = now;
+    if (!particles.mesh) take_gradient<Dim>(column, gradients, p);
     auto v = particles.v.col(p);
     if (is_flip)
       v = options_.flip * (v + now - Eigen::Map<const Vec<Dim>>(before + 4 * p)) + (1.0 - options_.flip) * now;
@@ -228,19 +243,20 @@ template <int Dim> void Mpm<Dim>::filter_velocities(World<Dim>& world) {
   for (Particles<Dim>& of : grid_.particles) of.filtered = of.v - of.filtered;
 }
 
-/// Gradients of the velocities that the points have now, on the grid. What the stresses would have done beyond in the
-/// motion of the nodes is lost.
-template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
+/// Points move, strained by gradients of the velocities that they have now, on the grid. What the stresses would have
+/// done beyond in the motion of the nodes is lost.
+template <int Dim> void Mpm<Dim>::remap_motion(World<Dim>& world) {
   Points<Dim> on_nodes =
       grid_.velocities_of(world, [](const Particles<Dim>& of) -> const Points<Dim>& { return of.v; });
   on_nodes = world.nodes.free.cwiseProduct(on_nodes) + world.nodes.v - world.nodes.free.cwiseProduct(world.nodes.v);
   grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
     const double* columns = grid_.gather(chunk, of, on_nodes);
-    of.not_strained = of.gradient;
+    Points<Dim* Dim>& gradients = point_motion<Dim>().gradient;
+    gradients.resize(Dim * Dim, chunk.size());
     of.lost_power = 0.0;
     for (Index p = 0; p < chunk.size(); ++p) {
-      take_gradient(columns + 4 * gathered_columns * p, of, p);
-      of.not_strained.col(p) -= of.gradient.col(p);
+      take_gradient<Dim>(columns + 4 * gathered_columns * p, gradients, p);
+      of.not_strained.col(p) -= gradients.col(p);
       const Mat<3> tau =
           Eigen::Map<const Mat<3>>(chunk.matter.P.col(p).data()) * chunk.matter.now.gradient(p).transpose();
       of.lost_power +=
@@ -248,17 +264,19 @@ template <int Dim> void Mpm<Dim>::find_gradients(World<Dim>& world) {
                                        .cwiseProduct(Eigen::Map<const Mat<Dim>>(of.not_strained.col(p).data()))
                                        .sum();
     }
+    move_points(chunk, of, of.moved, world.last_step);
   });
 }
 
-/// Positions and deformation gradients, by velocities and their gradients.
-template <int Dim> void Mpm<Dim>::move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt) {
+/// Positions and deformation gradients, by velocities and point_motion().gradient.
+template <int Dim>
+void Mpm<Dim>::move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, const Points<Dim>& moved, double dt) {
   Matter<Dim>& matter = chunk.matter;
-  matter.x += dt * particles.moved;
-  particles.strain = dt * std::sqrt(particles.gradient.colwise().squaredNorm().maxCoeff());
+  const Points<Dim* Dim>& gradients = point_motion<Dim>().gradient;
+  matter.x += dt * moved;
+  particles.strain = dt * std::sqrt(gradients.colwise().squaredNorm().maxCoeff());
   for (Index p = 0; p < chunk.size(); ++p)
-    take_increment<Dim>(chunk, p,
-                        Mat<Dim>::Identity() + dt * Eigen::Map<const Mat<Dim>>(particles.gradient.col(p).data()));
+    take_increment<Dim>(chunk, p, Mat<Dim>::Identity() + dt * Eigen::Map<const Mat<Dim>>(gradients.col(p).data()));
 }
 
 /// Positions of vertices, by which update_points finds deformation gradients.
@@ -280,12 +298,9 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
     if (of.mesh)
       move_vertices(chunk, of, dt);
     else if (!options_.remap)
-      move_points(chunk, of, dt);
+      move_points(chunk, of, point_motion<Dim>().moved, dt);
   });
-  if (options_.remap) {
-    find_gradients(world);
-    grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) { move_points(chunk, of, dt); });
-  }
+  if (options_.remap) remap_motion(world);
   world.ledger.add_time("transfers", seconds_since(start));
   grid_.rebuild(world, true);
   world.ledger.add_time("grid", seconds_since(start));

@@ -202,8 +202,7 @@ template <int Dim> void PointGrid<Dim>::number_nodes(World<Dim>& world, bool rep
     for (const Index slot : of.slots) table.nodes.push_back(of_body(chunk.body).find(site_at(of, slot)));
     table.force.assign(4 * table.nodes.size(), 0.0);
     of.momentum.assign(4 * table.nodes.size(), 0.0);
-    if (of.moved.cols() != of.count()) of.moved.setZero(Dim, of.count());
-    if (!of.mesh && of.gradient.cols() != chunk.size()) of.gradient.setZero(Dim * Dim, chunk.size());
+    if (of.mesh && of.moved.cols() != of.count()) of.moved.setZero(Dim, of.count());
   });
   world.find_node_chunks();
 }

@@ -24,12 +24,11 @@ template <int Dim> double half_size(const Matter<Dim>& matter, Index p, const Ve
 /// cells. And the box of grid nodes around them.
 template <int Dim> struct Particles {
   std::optional<CellVertices<Dim>> mesh;
-  Points<Dim> v;               ///< Dim x n, velocities half a step ago
-  Matrix motion;               ///< what is known of the velocity around each particle, by Transfer
-  Points<Dim> moved;           ///< Dim x n, velocities of the step by which particles move
-  Points<Dim * Dim> gradient;  ///< their gradients, by columns; of points that are particles
-  /// Gradients of the nodes' velocities less `gradient` (MpmOptions::remap), and the sum of the powers of the stresses
-  /// in these before and after the step.
+  Points<Dim> v;      ///< Dim x n, velocities half a step ago
+  Matrix motion;      ///< what is known of the velocity around each particle, by Transfer
+  Points<Dim> moved;  ///< Dim x n, velocities of the step by which vertices, or points with remap, move
+  /// Of points, with MpmOptions::remap: gradients of the nodes' velocities less those that strain the points, by
+  /// columns, and the sum of the powers of the stresses in these before and after the step.
   Points<Dim * Dim> not_strained;
   double lost_power = 0.0;
   Points<Dim> filtered;             ///< of Transfer::xpic
