@@ -14,6 +14,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <numeric>
 #include <random>
 #include <utility>
 #include <vector>
@@ -78,8 +79,12 @@ std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_
   internal::find_pairs<Dim>(of.x, of.smoothing, kernel_support + 0.1, {chunks[0], chunks[1]}, images, pairs);
   const std::vector<internal::WallBits> pressed(static_cast<std::size_t>(n), 7);
   const internal::MirroredParticles<Dim> mirrored{images, kernel, of.x, of.v, 0.0, of.mass, of.smoothing, pressed};
-  std::vector<Points<Dim>> wall_forces(walls.size(), Points<Dim>::Zero(Dim, n));
+  WallForces<Dim> wall_forces{.nodes = std::vector<Index>(static_cast<std::size_t>(n)),
+                              .forces = std::vector<Points<Dim>>(walls.size(), Points<Dim>::Zero(Dim, n))};
+  std::iota(wall_forces.nodes.begin(), wall_forces.nodes.end(), 0);
   constexpr int size = internal::tensor_size(Dim);
+  Points<Dim * Dim> stress_of_all(Dim * Dim, n);
+  for (Index a = 0; a < n; ++a) stress_of_all.col(a) = internal::tensor_at<Dim>(of.stress.data() + size * a).reshaped();
   double products = 0.0, scale = 0.0, forces_scale = 0.0;
   Vec<Dim> total = Vec<Dim>::Zero();
   for (const internal::ParticlePairs& chunk : pairs) {
@@ -100,7 +105,8 @@ std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_
     internal::sum_rates(chunk, local, rates.data());
     internal::add_mirrored_rates(chunk, mirrored, rates.data(), nullptr);
     internal::sum_forces(chunk, local, {.stress = stress.data(), .density = density.data()}, forces.data());
-    internal::add_mirrored_forces(chunk, mirrored, {.stress = of.stress.data()}, walls, forces.data(), wall_forces);
+    internal::add_mirrored_forces(chunk, mirrored, {.stress = stress_of_all.data()}, walls, forces.data(),
+                                  &wall_forces);
     // V L with L = 1 / rho sum ..., and sigma = rho^2 times these: rho cancels.
     for (Index l = 0; l < chunk.own; ++l) {
       for (int k = 0; k < size; ++k) {
@@ -117,7 +123,7 @@ std::pair<double, double> adjoint_errors(SmoothingKernel kernel, double largest_
       }
     }
   }
-  for (const auto& of_wall : wall_forces) total -= of_wall.rowwise().sum();
+  for (const auto& of_wall : wall_forces.forces) total -= of_wall.rowwise().sum();
   return {std::abs(products) / scale, total.norm() / forces_scale};
 }
 

@@ -65,8 +65,8 @@ template <int Dim> void require_surfaces(const World<Dim>& world, const Scheme<D
 
 }  // namespace
 
-template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& bodies,
-                                       std::unique_ptr<Scheme<Dim>> given, const DynamicsOptions& options)
+template <int Dim> Driver<Dim>::Driver(std::vector<DeformableBody<Dim>> bodies, std::unique_ptr<Scheme<Dim>> given,
+                                       const DynamicsOptions& options)
     : scheme(std::move(given)) {
   require(scheme != nullptr, "explicit dynamics: expected a scheme, such as otm() or total_lagrangian()");
   std::vector<PointStorage> storage;
@@ -87,6 +87,7 @@ template <int Dim> Driver<Dim>::Driver(const std::vector<DeformableBody<Dim>>& b
   world.interactions.push_back(damping<Dim>());
   begin_ledger();
   scheme->begin(world, bodies);
+  bodies = {};  // the memory is for what follows
   if (options.tied) tie_bodies(world);
   world.find_node_chunks();
   world.find_free_axes();

@@ -32,7 +32,7 @@ template <int Dim> struct Dynamics<Dim>::Parts : internal::Driver<Dim> { using i
 
 template <int Dim> Dynamics<Dim>::Dynamics(std::vector<DeformableBody<Dim>> bodies, std::unique_ptr<Scheme<Dim>> scheme,
                                            const DynamicsOptions& options)
-    : parts_(std::make_unique<Parts>(bodies, std::move(scheme), options)) {}
+    : parts_(std::make_unique<Parts>(std::move(bodies), std::move(scheme), options)) {}
 template <int Dim> Dynamics<Dim>::Dynamics(Dynamics&&) noexcept = default;
 template <int Dim> Dynamics<Dim>& Dynamics<Dim>::operator=(Dynamics&&) noexcept = default;
 template <int Dim> Dynamics<Dim>::~Dynamics() = default;

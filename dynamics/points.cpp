@@ -284,6 +284,10 @@ template <int Dim> void scatter_stresses(const World<Dim>& world, Chunk<Dim>& ch
 template <int Dim> void collect_forces(const World<Dim>& world, Points<Dim>& forces, const std::vector<char>& of) {
   const NodeChunks& chunks = world.node_chunks;
   forces.resize(Dim, world.nodes.size());
+  if (chunks.offsets.empty()) {
+    forces.setZero();
+    return;
+  }
   parallel_for(world.nodes.size(), [&](Index a) {
     Vec<Dim> sum = Vec<Dim>::Zero();
     if (of.empty() || of[a] != 0)

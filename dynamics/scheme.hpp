@@ -26,6 +26,15 @@ struct StrainBounds {
 /// Facets that belong to one cell only, outwards, none on an axis: of cells whose points are not eroded.
 template <int Dim> Facets<Dim> outer_facets(const World<Dim>& world, Index body);
 
+/// Forces by which a scheme itself holds nodes off walls, part of World::nodes.force. Nodes that are not among these
+/// are far from all walls.
+template <int Dim> struct WallForces {
+  std::vector<Index> nodes;         ///< ascending
+  std::vector<Points<Dim>> forces;  ///< by wall: Dim x nodes; there may be fewer than walls at the start
+
+  friend auto fields(WallForces& of) { return std::tie(of.nodes, of.forces); }
+};
+
 /// Virtual per step or per chunk, never per point.
 template <int Dim> class Scheme {
  public:
@@ -65,9 +74,8 @@ template <int Dim> class Scheme {
                                                  double /*reach*/) const {
     return {};
   }
-  /// Dim x N by wall: forces by which the scheme itself holds nodes off walls, part of World::nodes.force; empty: it
-  /// leaves them to contact.
-  virtual std::span<const Points<Dim>> wall_forces() const { return {}; }
+  /// None: the scheme leaves walls to contact.
+  virtual const WallForces<Dim>* wall_forces() const { return nullptr; }
   /// Points of a chunk after their deformation was updated (columns: as internal::update_deformation leaves them).
   /// Throws NumericalError for points that are inverted, unless they break; returns the strains of the others.
   virtual StrainBounds examine(const World<Dim>& world, Chunk<Dim>& chunk, double dt, StrainBounds bounds);

@@ -135,6 +135,10 @@ template <int Dim> void World<Dim>::put_rows(Chunk<Dim>& chunk, const std::vecto
 
 template <int Dim> void World<Dim>::find_node_chunks() {
   auto& [offsets, places, forces] = node_chunks;
+  if (std::ranges::all_of(chunks, [](const auto& chunk) { return chunk.table.nodes.empty(); })) {
+    node_chunks = {};
+    return;
+  }
   offsets.assign(nodes.size() + 1, 0);
   for (const auto& chunk : chunks)
     for (const Index a : chunk.table.nodes) ++offsets[a + 1];

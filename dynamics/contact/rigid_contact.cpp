@@ -9,6 +9,8 @@
 namespace efree::internal {
 namespace {
 
+/// Nodes whose gaps are known at a time, but to rigid bodies with a mass.
+constexpr Index gaps_at_once = 16384;
 /// Squared length of the normal along the free axes below which a node is fixed against the rigid body.
 constexpr double least_free = 1e-3;
 
@@ -100,27 +102,29 @@ template <int Dim> void RigidContact<Dim>::add(const World<Dim>& world, const Ri
 }
 
 /// The forces by which the scheme itself holds nodes off a wall, if it does.
-template <int Dim> const Points<Dim>* RigidContact<Dim>::held_by_scheme(const Rigid& rigid) const {
-  const std::span<const Points<Dim>> forces = scheme_.wall_forces();
-  const Index wall = rigid.who.number;
-  return rigid.is_wall() && wall < std::ssize(forces) && forces[wall].cols() > 0 ? &forces[wall] : nullptr;
+template <int Dim> const WallForces<Dim>* RigidContact<Dim>::held_by_scheme(const Rigid& rigid) const {
+  const WallForces<Dim>* held = scheme_.wall_forces();
+  return held && rigid.is_wall() && rigid.who.number < std::ssize(held->forces) ? held : nullptr;
 }
 
-/// Gaps of nodes, infinite where surface points are in contact instead.
-template <int Dim> void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid) {
+/// Gaps of the nodes [begin, end), infinite where surface points are in contact instead.
+template <int Dim>
+void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid, Index begin, Index end) {
   const Nodes<Dim>& nodes = world.nodes;
-  gaps_.resize(static_cast<std::size_t>(nodes.size()));
+  first_gap_ = begin;
+  gaps_.resize(static_cast<std::size_t>(end - begin));
   // Particles that a scheme holds off by forces are stopped only where these do not do.
   const double share = held_by_scheme(rigid) ? 0.5 : 1.0;
-  parallel_for(nodes.size(), [&](Index a) {
+  parallel_for(end - begin, [&](Index k) {
+    const Index a = begin + k;
     if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0)) {
-      gaps_[a] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
+      gaps_[k] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
       return;
     }
-    gaps_[a] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
+    gaps_[k] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
     // What overlaps is not pushed out, which would make it fast: where particles end is known to a part of their size.
     if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0)
-      gaps_[a].gap = std::max(gaps_[a].gap - share * nodes.radius[a], 0.0);
+      gaps_[k].gap = std::max(gaps_[k].gap - share * nodes.radius[a], 0.0);
   });
 }
 
@@ -131,8 +135,8 @@ template <int Dim>
 typename RigidContact<Dim>::OnNode RigidContact<Dim>::on_node(const World<Dim>& world, const Rigid& rigid, Index a,
                                                               double dt, double pressed, Mat<Dim>* slope) const {
   const Nodes<Dim>& nodes = world.nodes;
-  const Vec<Dim>& normal = gaps_[a].normal;
-  const double gap = gaps_[a].gap, mass = nodes.mass[a], mu = rigid.body.friction;
+  const auto& [gap, normal] = gaps_[a - first_gap_];
+  const double mass = nodes.mass[a], mu = rigid.body.friction;
   if (slope) slope->setZero();
   OnNode result;
   const Vec<Dim> relative = nodes.v.col(a) - velocity_of<Dim>(rigid.now, nodes.x.col(a));
@@ -215,13 +219,19 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
 template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt) {
   Rigid& rigid = rigids_[k];
   Nodes<Dim>& nodes = world.nodes;
-  const Points<Dim>* held = held_by_scheme(rigid);
+  const WallForces<Dim>* held = held_by_scheme(rigid);
+  std::size_t next = 0;  // of the nodes that are held
+  const bool has_gaps = rigid.is_free() && !world.stands_still;
   for (Index a = 0; a < nodes.size(); ++a) {
+    if (!has_gaps && a % gaps_at_once == 0) find_gaps(world, rigid, a, std::min(a + gaps_at_once, nodes.size()));
     double pressed = 0.0;
-    if (held && nodes.mass[a] > 0.0) {
-      rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), kick * held->col(a));
-      if (rigid.has_coulomb_friction())
-        pressed = std::max(0.0, kick * world.walls[rigid.who.number].normal.dot(held->col(a)) / nodes.mass[a]);
+    if (held && next < held->nodes.size() && held->nodes[next] == a) {
+      const Vec<Dim> force = held->forces[rigid.who.number].col(static_cast<Index>(next++));
+      if (nodes.mass[a] > 0.0 && !force.isZero(0.0)) {
+        rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), kick * force);
+        if (rigid.has_coulomb_friction())
+          pressed = std::max(0.0, kick * world.walls[rigid.who.number].normal.dot(force) / nodes.mass[a]);
+      }
     }
     const auto& [impulse, by_friction, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
     if (!rigid.friction.empty()) rigid.friction[a] = friction;
@@ -249,9 +259,11 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     Rigid& rigid = rigids_[k];
     if (scheme_.nodes_persist()) {
       apply_to_surface(world, rigid, dt);
-      find_gaps(world, rigid);
       if (rigid.has_coulomb_friction()) rigid.friction.resize(world.nodes.size());
-      if (rigid.is_free() && !world.stands_still) solve_motion(world, rigid, dt);
+      if (rigid.is_free() && !world.stands_still) {
+        find_gaps(world, rigid, 0, world.nodes.size());
+        solve_motion(world, rigid, dt);
+      }
       apply_to_nodes(world, k, kick, dt);
     } else {
       apply_to_points(world, rigid, dt);

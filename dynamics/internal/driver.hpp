@@ -33,8 +33,7 @@ template <int Dim> struct Driver {
   Cavities<Dim>* cavities = nullptr;
   Gravity<Dim>* gravity = nullptr;
 
-  Driver(const std::vector<DeformableBody<Dim>>& bodies, std::unique_ptr<Scheme<Dim>> given,
-         const DynamicsOptions& options);
+  Driver(std::vector<DeformableBody<Dim>> bodies, std::unique_ptr<Scheme<Dim>> given, const DynamicsOptions& options);
 
   void begin_ledger();          ///< entries that every run has
   void begin_watch();           ///< of the energy balance, from what it is next on

@@ -265,7 +265,7 @@ TYPED_TEST(SmoothedParticles, SplittingConservesMassMomentaAndEnergies) {
   };
   const Sums before = sums();
   internal::ParticleSizes sizes{.smoothing = Vector::Constant(2 * n, 0.12),
-                                .splits = std::vector<int>(2 * n, 0),
+                                .splits = std::vector<std::uint8_t>(2 * n, 0),
                                 .pressed = std::vector<internal::WallBits>(2 * n, 0)};
   EXPECT_EQ(internal::split_particles(world, {.strain = 0.1}, sizes), strained);
   constexpr Index more = (1 << Dim) - 1;

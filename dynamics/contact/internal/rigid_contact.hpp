@@ -115,10 +115,10 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
     Vec<Dim> impulse, by_friction;
   };
 
-  const Points<Dim>* held_by_scheme(const Rigid& rigid) const;
+  const WallForces<Dim>* held_by_scheme(const Rigid& rigid) const;
   /// What gravity and its own force add to the velocity of one with a mass in half a step.
   static Vec<Dim> velocity_by_half_a_step(const World<Dim>& world, const Rigid& rigid);
-  void find_gaps(const World<Dim>& world, const Rigid& rigid);
+  void find_gaps(const World<Dim>& world, const Rigid& rigid, Index begin, Index end);
   OnNode on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
                  Mat<Dim>* slope) const;
   void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
@@ -139,7 +139,8 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   Points<Dim> x_searched_;         ///< positions of the nodes when near points were found; empty: not yet
   InverseMass<Dim> inverse_mass_;  ///< where surface points are in contact
   // In this step.
-  std::vector<Gap<Dim>> gaps_;  ///< by node, to one rigid body
+  std::vector<Gap<Dim>> gaps_;  ///< of some nodes in a row to one rigid body
+  Index first_gap_ = 0;         ///< node that the first of these is of
   std::vector<NodeImpulse> node_impulses_;
   std::vector<RigidImpulse> rigid_impulses_;
 };

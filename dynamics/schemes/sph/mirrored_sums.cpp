@@ -2,6 +2,7 @@
 #include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace efree::internal {
 namespace {
@@ -36,13 +37,13 @@ void add_mirrored_rates(const ParticlePairs& pairs, const MirroredParticles<Dim>
 
 template <int Dim> LostPower add_mirrored_forces(const ParticlePairs& pairs, const MirroredParticles<Dim>& of,
                                                  const PairForces& by, const std::vector<Wall<Dim>>& walls,
-                                                 double* forces, std::vector<Points<Dim>>& wall_forces) {
-  constexpr int size = tensor_size(Dim);
+                                                 double* forces, WallForces<Dim>* wall_forces) {
   LostPower lost;
+  Index last = -1, row = -1;  // of a particle in the wall forces
   for_each_pressed(pairs, of, [&](Index i, Index j, const WallImage<Dim>& image, const Vec<Dim>& e, double slope) {
     const Index a = pairs.particles[i];
-    const Mat<Dim> stress =
-        tensor_at<Dim>(by.stress + size * a) + image.A * tensor_at<Dim>(by.stress + size * j) * image.Q;
+    using Tensor = Eigen::Map<const Mat<Dim>>;
+    const Mat<Dim> stress = Tensor(by.stress + Dim * Dim * a) + image.A * Tensor(by.stress + Dim * Dim * j) * image.Q;
     const double weight = of.mass[a] * of.mass[j] * slope;
     Vec<Dim> force = weight * stress * e;
     const Vec<Dim> relative = of.v.col(a) - image.A * of.v.col(j);
@@ -57,17 +58,20 @@ template <int Dim> LostPower add_mirrored_forces(const ParticlePairs& pairs, con
       lost.approach = std::max(lost.approach, -q);
     }
     for (int d = 0; d < Dim; ++d) forces[4 * i + d] += force[d];
+    if (!wall_forces) return;
+    if (std::exchange(last, a) != a)
+      row = static_cast<Index>(std::ranges::lower_bound(wall_forces->nodes, a) - wall_forces->nodes.begin());
     Vec<Dim> rest = force;
     Index first = -1;
     for (std::size_t w = 0; w < walls.size(); ++w) {
       if ((image.walls >> w & 1) == 0) continue;
       const Vec<Dim>& n = walls[w].normal;
       const Vec<Dim> normal = n.dot(force) * n;
-      wall_forces[w].col(a) += normal;
+      wall_forces->forces[w].col(row) += normal;
       rest -= normal;
       if (first < 0) first = static_cast<Index>(w);
     }
-    wall_forces[first].col(a) += rest;
+    wall_forces->forces[first].col(row) += rest;
   });
   return lost;
 }
@@ -75,7 +79,7 @@ template <int Dim> LostPower add_mirrored_forces(const ParticlePairs& pairs, con
 #define EFREE_INSTANTIATE(Dim)                                                                                   \
   template void add_mirrored_rates(const ParticlePairs&, const MirroredParticles<Dim>&, double*, double*);       \
   template LostPower add_mirrored_forces(const ParticlePairs&, const MirroredParticles<Dim>&, const PairForces&, \
-                                         const std::vector<Wall<Dim>>&, double*, std::vector<Points<Dim>>&);
+                                         const std::vector<Wall<Dim>>&, double*, WallForces<Dim>*);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)
 #undef EFREE_INSTANTIATE

@@ -23,11 +23,11 @@ template <int Dim> class Cubes {
     keys_.resize(static_cast<std::size_t>(n));
     parallel_for(n, [&](Index i) { keys_[i] = key_of(cube_of(x.col(i))); });
     first_.assign(mask_ + 2, 0);
-    for (const std::uint64_t key : keys_) ++first_[slot(key) + 1];
+    for (const std::uint64_t key : keys_) ++first_[slot(key)];
     for (std::size_t s = 1; s < first_.size(); ++s) first_[s] += first_[s - 1];
     sorted_.resize(keys_.size());
-    std::vector<Index> next(first_.begin(), first_.end() - 1);
-    for (Index i = 0; i < n; ++i) sorted_[next[slot(keys_[i])]++] = i;
+    // From the ends of all, which become their beginnings.
+    for (Index i = n; i-- > 0;) sorted_[--first_[slot(keys_[i])]] = i;
   }
 
   /// Calls visit(particle) for those in the cubes around that of a position and in it, always in the same order.
@@ -85,7 +85,7 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
   parallel_chunks(static_cast<Index>(chunks.size()), 1, [&](Index c, Index) {
     thread_local std::vector<Index> local;  // numbers, by particle; -1: none yet
     local.resize(std::max(local.size(), static_cast<std::size_t>(x.cols())), -1);
-    ParticlePairs& of = pairs[c];
+    thread_local ParticlePairs of;  // room to grow
     of.particles.assign(chunks[c].begin(), chunks[c].end());
     of.own = of.all();
     of.begin.assign(1, 0);
@@ -123,6 +123,7 @@ template <int Dim> void find_pairs(const Points<Dim>& x, const Vector& size, dou
     if (!fits)
       throw NumericalError(fmt::format("{} particles are around a chunk of {}: they have collapsed to one place",
                                        of.all() - of.own, of.own));
+    pairs[c] = of;
   });
 }
 

@@ -14,6 +14,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 namespace efree {
@@ -64,6 +65,13 @@ template <int Dim> double volume_ratio(const Matter<Dim>& matter, Index p) {
   return std::min(matter.J_ratio[p], largest_volume);
 }
 
+/// The tensor of a particle among those of all.
+template <class Tensors> auto of_particle(Tensors& tensors, Index particle) {
+  constexpr int Dim = std::remove_cvref_t<Tensors>::RowsAtCompileTime == 4 ? 2 : 3;
+  using Tensor = std::conditional_t<std::is_const_v<Tensors>, const Mat<Dim>, Mat<Dim>>;
+  return Eigen::Map<Tensor>(tensors.col(particle).data());
+}
+
 /// Arrays by local number, of this thread.
 struct LocalArrays {
   AlignedVector<double> x, v, stress, artificial, density, sums, moments;
@@ -101,7 +109,7 @@ template <int Dim> class Sph final : public Scheme<Dim> {
     archive(frequency_, mode_, estimates_, correction_, contacts_, wall_forces_);
   }
   void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
-  std::span<const Points<Dim>> wall_forces() const override { return wall_forces_; }
+  const WallForces<Dim>* wall_forces() const override { return &wall_forces_; }
 
  private:
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
@@ -115,9 +123,8 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   internal::MirroredParticles<Dim> mirrored(const World<Dim>& world, const Points<Dim>& v, double ago) const {
     return {images_, options_.kernel, world.nodes.x, v, ago, world.nodes.mass, sizes_.smoothing, sizes_.pressed};
   }
-  std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v,
-                                              const AlignedVector<double>& stress, internal::PairForces by,
-                                              Points<Dim>& forces, std::vector<Points<Dim>>& wall_forces) const;
+  std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v, internal::PairForces by,
+                                              Points<Dim>& forces, WallForces<Dim>* wall_forces) const;
 
   SphOptions options_;
   double damping_ = 0.0;    ///< fastest damping by a viscosity of one, times the smoothing length over the wave speed
@@ -134,10 +141,10 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   std::vector<internal::WallImage<Dim>> images_;
   std::size_t num_walls_ = 0;  ///< that these are of
   internal::WallContacts<Dim> contacts_;
-  std::vector<Points<Dim>> wall_forces_;  ///< Dim x N by wall, part of the forces
-  // By particle, as sum_forces takes them.
-  AlignedVector<double> stress_, artificial_, density_;
-  AlignedVector<double> correction_;                     ///< by particle, tensors; empty: none
+  WallForces<Dim> wall_forces_;
+  // By particle, as sum_forces takes them, tensors by their columns. Empty: none.
+  Points<Dim * Dim> stress_, artificial_, correction_;
+  AlignedVector<double> density_;
   double viscous_power_ = 0.0, artificial_power_ = 0.0;  ///< lost at the last step
   bool counts_power_ = false;
 };
@@ -181,15 +188,19 @@ template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Poin
   internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, images_, pairs_);
   x_listed_ = x;
   smallest_size_ = sizes_.smoothing.minCoeff();
-  const auto n = static_cast<std::size_t>(x.cols());
-  const auto size = static_cast<std::size_t>(tensor_size(Dim));
+  const Index n = world.nodes.size();
   wave_rates_.resize(world.chunks.size());
-  stress_.resize(size * n);
-  correction_.resize(options_.corrected ? size * n : 0);
-  artificial_.resize(options_.artificial_stress.strength > 0.0 ? size * n : 0);
-  density_.resize(2 * n);
-  contacts_.resize(n);
-  wall_forces_.resize(world.walls.size());
+  stress_.resize(Eigen::NoChange, n);
+  correction_.conservativeResize(Eigen::NoChange, options_.corrected ? n : 0);
+  artificial_.resize(Eigen::NoChange, options_.artificial_stress.strength > 0.0 ? n : 0);
+  density_.resize(static_cast<std::size_t>(2 * n));
+  contacts_.resize(static_cast<std::size_t>(n));
+  wall_forces_.nodes.clear();
+  for (const ParticlePairs& pairs : pairs_)
+    for (Index last = -1; const internal::MirroredPair& pair : pairs.mirrored)
+      if (const Index own = static_cast<Index>(pair.own); std::exchange(last, own) != own)
+        wall_forces_.nodes.push_back(pairs.particles[own]);
+  std::ranges::sort(wall_forces_.nodes);
 }
 
 /// Power iteration with the stiffness of the particles against any strain as against that of a pressure wave, which is
@@ -205,8 +216,7 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
   for (Index k = 0; k < mode_.size(); ++k)
     mode_(k) += amount * internal::random_number(static_cast<std::uint64_t>(mode_.size() * estimates_ + k));
   ++estimates_;
-  AlignedVector<double> stress(stress_.size(), 0.0);
-  std::vector<Points<Dim>> wall_forces;
+  // Stresses of the next step overwrite those of the mode.
   const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
       const Chunk<Dim>& chunk = world.chunks[c];
@@ -216,17 +226,16 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
       sum_rates(world, mode, pairs, 0.0, rates.data(), nullptr);
       for (Index p = 0; p < chunk.size(); ++p) {
         const Matter<Dim>& matter = chunk.matter;
-        const auto at = static_cast<std::size_t>(size * pairs.particles[p]);
+        const Index a = pairs.particles[p];
         const double before = matter.volume[p] * volume_ratio(matter, p) / matter.mass[p];
         const Mat<Dim> correction =
-            options_.corrected ? tensor_at<Dim>(correction_.data() + at) : Mat<Dim>(Mat<Dim>::Identity());
+            options_.corrected ? Mat<Dim>(of_particle(correction_, a)) : Mat<Dim>(Mat<Dim>::Identity());
         // Stresses over the square of the density, by the mass of the particle as it is at rest.
         const double stiffness = before * before * matter.modulus[p] * matter.volume[p] / matter.mass[p];
-        put_tensor<Dim>(stiffness * tensor_at<Dim>(rates.data() + size * p) * correction * correction,
-                        stress.data() + at);
+        of_particle(stress_, a) = stiffness * tensor_at<Dim>(rates.data() + size * p) * correction * correction;
       }
     });
-    sum_forces(world, mode, stress, {}, forces, wall_forces);
+    sum_forces(world, mode, {}, forces, nullptr);
     forces = -forces;
   };
   const double squared = internal::power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
@@ -331,65 +340,64 @@ template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world,
   sum_moments(world, pairs, moments.data());
   for (Index p = 0; p < chunk.size(); ++p)
     if (!chunk.is_eroded(p))
-      put_tensor<Dim>(
-          internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p)),
-          correction_.data() + size * pairs.particles[p]);
+      of_particle(correction_, pairs.particles[p]) =
+          internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
   return bounds;
 }
 
 template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) {
-  constexpr int size = tensor_size(Dim);
   const Matter<Dim>& matter = chunk.matter;
   const double* columns = chunk.columns();
   contacts_.find(world, chunk);
   double& wave_rate = wave_rates_[world.number_of(chunk)];
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
-    const auto a = static_cast<std::size_t>(world.point_number(chunk, p));
-    double *stress = stress_.data() + size * a, *density = density_.data() + 2 * a;
+    const Index a = world.point_number(chunk, p);
+    double* density = density_.data() + 2 * a;
     const double J = volume_ratio(matter, p), rest = chunk.is_eroded(p) ? 0.0 : matter.mass[p] / matter.volume[p];
     Mat<Dim> over_squares = Mat<Dim>::Zero();
     if (rest > 0.0)
       for (int j = 0; j < Dim; ++j)
         for (int i = 0; i < Dim; ++i) over_squares(i, j) = J / (rest * rest) * columns[16 * p + 4 * j + i];
-    put_tensor<Dim>(
-        correction_.empty() ? over_squares : Mat<Dim>(over_squares * tensor_at<Dim>(correction_.data() + size * a)),
-        stress);
-    density[0] = rest > 0.0 ? rest / J : matter.mass[p] / std::pow(world.nodes.spacing[static_cast<Index>(a)], Dim);
+    of_particle(stress_, a) =
+        correction_.cols() == 0 ? over_squares : Mat<Dim>(over_squares * of_particle(correction_, a));
+    density[0] = rest > 0.0 ? rest / J : matter.mass[p] / std::pow(world.nodes.spacing[a], Dim);
     density[1] = rest > 0.0 ? std::sqrt(matter.modulus[p] / rest) : 0.0;
-    wave_rate = std::max(wave_rate, density[1] / sizes_.smoothing[static_cast<Index>(a)]);
-    if (!artificial_.empty())
-      put_tensor<Dim>(internal::artificial_stress<Dim>(options_.artificial_stress, over_squares),
-                      artificial_.data() + size * a);
+    wave_rate = std::max(wave_rate, density[1] / sizes_.smoothing[a]);
+    if (artificial_.cols() != 0)
+      of_particle(artificial_, a) = internal::artificial_stress<Dim>(options_.artificial_stress, over_squares);
   }
 }
 
-/// Dim x N, forces of stresses by particle and of what `by` has besides; and the power lost to it, by chunk.
+/// Dim x N, forces of stress_ and of what `by` has besides; and the power lost to it, by chunk.
 template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const World<Dim>& world, const Points<Dim>& v,
-                                                                         const AlignedVector<double>& stress,
                                                                          internal::PairForces by, Points<Dim>& forces,
-                                                                         std::vector<Points<Dim>>& wall_forces) const {
+                                                                         WallForces<Dim>* wall_forces) const {
   constexpr int size = tensor_size(Dim);
-  wall_forces.resize(world.walls.size());
-  for (auto& of : wall_forces) of.setZero(Dim, world.nodes.size());
+  if (wall_forces) {
+    wall_forces->forces.resize(world.walls.size());
+    for (auto& of : wall_forces->forces) of.setZero(Dim, std::ssize(wall_forces->nodes));
+  }
   std::vector<internal::LostPower> lost(world.chunks.size());
   parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&, by](Index c, Index) {
     const ParticlePairs& pairs = pairs_[c];
     LocalArrays& arrays = local_arrays();
     const auto n = static_cast<std::size_t>(pairs.all());
-    const auto gather = [&](const AlignedVector<double>& from, std::size_t count, AlignedVector<double>& to) {
-      to.resize(std::max(to.size(), count * n));
-      for (std::size_t l = 0; l < n; ++l)
-        std::copy_n(from.data() + count * static_cast<std::size_t>(pairs.particles[l]), count, to.data() + count * l);
+    const auto gather = [&](const Points<Dim * Dim>& from, AlignedVector<double>& to) {
+      to.resize(std::max(to.size(), size * n));
+      for (std::size_t l = 0; l < n; ++l) put_tensor<Dim>(of_particle(from, pairs.particles[l]), to.data() + size * l);
       return to.data();
     };
     internal::PairForces local = by;
-    local.stress = gather(stress, size, arrays.stress);
-    local.density = gather(density_, 2, arrays.density);
-    if (by.artificial) local.artificial = gather(artificial_, size, arrays.artificial);
+    local.stress = gather(stress_, arrays.stress);
+    arrays.density.resize(std::max(arrays.density.size(), 2 * n));
+    for (std::size_t l = 0; l < n; ++l)
+      std::copy_n(density_.data() + 2 * pairs.particles[l], 2, arrays.density.data() + 2 * l);
+    local.density = arrays.density.data();
+    if (by.artificial) local.artificial = gather(artificial_, arrays.artificial);
     arrays.sums.resize(std::max(arrays.sums.size(), 4 * n));
     lost[c] = internal::sum_forces(pairs, local_particles(world, v, pairs, 0.0), local, arrays.sums.data());
-    local.stress = stress.data();
+    local.stress = stress_.data();
     local.density = density_.data();
     const auto by_walls = internal::add_mirrored_forces(pairs, mirrored(world, v, 0.0), local, world.walls,
                                                         arrays.sums.data(), wall_forces);
@@ -408,13 +416,13 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   const double exponent = artificial.exponent > 0.0
                               ? artificial.exponent
                               : 1.0 / internal::kernel_shape(options_.kernel, 1.0 / options_.smoothing);
-  const auto lost = sum_forces(world, world.nodes.v, stress_,
+  const auto lost = sum_forces(world, world.nodes.v,
                                {.linear = options_.viscosity.linear,
                                 .quadratic = options_.viscosity.quadratic,
-                                .artificial = artificial_.empty() ? nullptr : artificial_.data(),
+                                .artificial = artificial_.cols() == 0 ? nullptr : artificial_.data(),
                                 .reference = 1.0 / options_.smoothing,
                                 .exponent = exponent},
-                               world.nodes.force, wall_forces_);
+                               world.nodes.force, &wall_forces_);
   approach_rate_ = 0.0;
   for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / smallest_size_);
   if (std::exchange(counts_power_, false)) {
@@ -425,7 +433,7 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
     // a step earlier; those of the forces before lie between two of them.
     const double dt = world.last_step;
     world.ledger.add_energy("viscous", EnergyKind::loss, dt * (0.25 * viscous_before + 0.75 * viscous_power_));
-    if (!artificial_.empty())
+    if (artificial_.cols() != 0)
       world.ledger.add_energy("artificial stress", EnergyKind::loss,
                               dt * (0.25 * artificial_before + 0.75 * artificial_power_));
   }

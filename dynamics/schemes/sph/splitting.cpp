@@ -68,7 +68,7 @@ template <int Dim> void split_nodes(World<Dim>& world, Index body, const std::ve
   const Index first = world.first_node[body + 1], count = (daughters - 1) * static_cast<Index>(due.size());
   Points<Dim> at(Dim, count), v(Dim, count);
   Vector spacing(count), smoothing(count), mass(count), radius(count);
-  std::vector<int> splits;
+  std::vector<std::uint8_t> splits;
   std::vector<WallBits> pressed;
   std::vector<PrescribedVelocity<Dim>> prescribed;
   std::vector<Index> parents;

@@ -3,6 +3,7 @@
 /// particles, and are of particles, that are pressed on it.
 #pragma once
 
+#include "efree/dynamics/scheme.hpp"
 #include "efree/dynamics/schemes/sph/internal/pair_kernels.hpp"
 
 namespace efree::internal {
@@ -22,10 +23,11 @@ template <int Dim>
 void add_mirrored_rates(const ParticlePairs& pairs, const MirroredParticles<Dim>& of, double* rates, double* moments);
 
 /// Adds what images contribute to sum_forces, the adjoint of the rates, and viscosity; artificial stress is between
-/// particles alone. by: by particle of the world. wall_forces: Dim x N, by wall: its part of the forces is added. Of
-/// images by walls at right angles each has the part along its normal, and the first what is left.
+/// particles alone. by: by particle of the world, stresses by Dim Dim numbers. wall_forces: by wall its part of the
+/// forces is added; none: it is not wanted. Of images by walls at right angles each has the part along its normal, and
+/// the first what is left.
 template <int Dim> LostPower add_mirrored_forces(const ParticlePairs& pairs, const MirroredParticles<Dim>& of,
                                                  const PairForces& by, const std::vector<Wall<Dim>>& walls,
-                                                 double* forces, std::vector<Points<Dim>>& wall_forces);
+                                                 double* forces, WallForces<Dim>* wall_forces);
 
 }  // namespace efree::internal

@@ -9,9 +9,9 @@ namespace efree::internal {
 
 /// Numbers by particle that splitting changes.
 struct ParticleSizes {
-  Vector smoothing;               ///< smoothing lengths
-  std::vector<int> splits;        ///< how often a particle and its parents have been split
-  std::vector<WallBits> pressed;  ///< the walls that it is pressed on
+  Vector smoothing;                  ///< smoothing lengths
+  std::vector<std::uint8_t> splits;  ///< how often a particle and its parents have been split
+  std::vector<WallBits> pressed;     ///< the walls that it is pressed on
 };
 
 /// Splits the particles that are strained beyond the threshold; returns how many. Mass, momentum, kinetic and stored
