@@ -73,22 +73,18 @@ template <int Dim> void FastestMode<Dim>::move_to_grid(const World<Dim>& world, 
 
 template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGrid<Dim>& grid, int products) {
   move_to_grid(world, grid);
-  // Forces and momenta of the chunks, which may be summed again.
-  std::vector<std::pair<AlignedVector<double>, AlignedVector<double>>> kept;
-  for (std::size_t c = 0; c < world.chunks.size(); ++c)
-    kept.emplace_back(world.chunks[c].table.force, grid.particles[c].momentum);
+  // Forces of the chunks, which may be summed again.
+  std::vector<AlignedVector<double>> kept;
+  for (const Chunk<Dim>& chunk : world.chunks) kept.push_back(chunk.table.force);
   const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     grid.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
       of.mesh ? scatter_of_mesh(world, grid, mode, chunk, of) : scatter_of_points(grid, mode, chunk, of);
-      grid.take_slots(chunk, of);
+      grid.take_forces(chunk, of);
     });
     collect_forces(world, forces);
   };
   const double squared = power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
-  for (std::size_t c = 0; c < world.chunks.size(); ++c) {
-    std::ranges::copy(kept[c].first, world.chunks[c].table.force.begin());
-    std::ranges::copy(kept[c].second, grid.particles[c].momentum.begin());
-  }
+  for (std::size_t c = 0; c < world.chunks.size(); ++c) std::ranges::copy(kept[c], world.chunks[c].table.force.begin());
   return squared;
 }
 

@@ -267,11 +267,15 @@ template <int Dim> double* PointGrid<Dim>::clear_slots(const Particles<Dim>& of)
 
 template <int Dim> void PointGrid<Dim>::take_slots(Chunk<Dim>& chunk, Particles<Dim>& of) const {
   const double* slots = scatter_room().data();
-  for (std::size_t l = 0; l < of.slots.size(); ++l) {
-    const double* from = slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]);
-    std::copy_n(from, 4, of.momentum.data() + 4 * l);
-    std::copy_n(from + 4, 4, chunk.table.force.data() + 4 * l);
-  }
+  for (std::size_t l = 0; l < of.slots.size(); ++l)
+    std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.momentum.data() + 4 * l);
+  take_forces(chunk, of);
+}
+
+template <int Dim> void PointGrid<Dim>::take_forces(Chunk<Dim>& chunk, const Particles<Dim>& of) const {
+  const double* slots = scatter_room().data();
+  for (std::size_t l = 0; l < of.slots.size(); ++l)
+    std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]) + 4, 4, chunk.table.force.data() + 4 * l);
 }
 
 namespace {

@@ -168,6 +168,8 @@ template <int Dim> class PointGrid {
   double* clear_slots(const Particles<Dim>& of) const;
   /// From these to table.force and to the momenta.
   void take_slots(Chunk<Dim>& chunk, Particles<Dim>& of) const;
+  /// To table.force alone.
+  void take_forces(Chunk<Dim>& chunk, const Particles<Dim>& of) const;
 
   /// nodes.mass and nodes.v by the momenta of all chunks.
   void collect_velocities(World<Dim>& world) const;
