@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view dynamics_state_kind = "efree dynamics 6\n";
+constexpr std::string_view dynamics_state_kind = "efree dynamics 7\n";
 
 /// Values of the probes, by columns.
 template <int Dim> typename DynamicsRecord<Dim>::Numbers probe_columns(const DynamicsSettings<Dim>& settings,
