@@ -2,11 +2,13 @@
 /// Loads that change within steps in ways that steps do not see.
 #include "efree/analysis/internal/path_curves.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
+#include "efree/core/error.hpp"
 #include "efree/solvers/equations/locking.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace efree::internal {
 namespace {
@@ -57,6 +59,15 @@ template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh) {
   return at;
 }
 
+/// What acts at a time; nothing where an expression has no value.
+template <int Dim> Values values_at(const Settings<Dim>& settings, double time, const Points<Dim>& at) {
+  try {
+    return values_of(settings.time->acting(time), at);
+  } catch (const InputError&) {  // the path says so, if it comes there
+    return {};
+  }
+}
+
 /// The largest distance of a load from the straight line between two steps, over its largest value at any step.
 struct Distance {
   double distance = 0.0;
@@ -67,7 +78,7 @@ struct Distance {
 template <int Dim>
 Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, const std::vector<double>& times) {
   const Points<Dim> at = some_vertices(mesh);
-  const auto there = [&](double time) { return values_of(settings.time->acting(time), at); };
+  const auto there = [&](double time) { return values_at(settings, time, at); };
   Values before = there(0.0);
   std::vector<double> largest(before.size(), 0.0);
   std::vector<Distance> distances(before.size());
@@ -77,6 +88,7 @@ Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& me
     for (int k = 1; k < times_in_step; ++k) {
       const double share = static_cast<double>(k) / times_in_step;
       const Values now = there(from + share * (to - from));
+      if (now.size() != distances.size() || before.size() != now.size() || after.size() != now.size()) continue;
       for (std::size_t i = 0; i < now.size(); ++i)
         for (std::size_t j = 0; j < now[i].second.size(); ++j) {
           const double value = now[i].second[j], one = before[i].second[j], other = after[i].second[j];
@@ -113,8 +125,10 @@ std::vector<Signal> signals_of(const Settings<Dim>& settings, const FineMesh<Dim
   std::vector<Signal> signals;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  // of signals that act together
   for (int j = 0; j <= intervals; ++j) {
+    const Values now = values_at(settings, settings.time->path.end * j / intervals, at);
+    if (now.empty()) break;
     std::size_t k = 0;
-    for (const auto& [on, values] : values_of(settings.time->acting(settings.time->path.end * j / intervals), at)) {
+    for (const auto& [on, values] : now) {
       if (j == 0) groups.emplace_back(k, k + values.size());
       if (j == 0) signals.resize(k + values.size());
       for (const double value : values) signals[k++].push_back(value);
@@ -133,13 +147,13 @@ std::vector<Signal> signals_of(const Settings<Dim>& settings, const FineMesh<Dim
   return signals;
 }
 
-/// Where the lines through two values before and two after the j-th meet, if that is within an interval of it; else j.
-double meeting_near(const Signal& f, int j) {
+/// Where the lines through two values before and two after the j-th meet, if that is within an interval of it.
+std::optional<double> meeting_near(const Signal& f, int j) {
   const int last = static_cast<int>(f.size()) - 1;
-  if (j < 2 || j > last - 2) return j;
+  if (j < 2 || j > last - 2) return {};
   const double before = f[j - 1] - f[j - 2], after = f[j + 2] - f[j + 1];
   const double x = j + (f[j + 1] - f[j - 1] - before - after) / (before - after);
-  return std::abs(x - j) <= 1.0 ? x : j;
+  return std::abs(x - j) <= 1.0 ? std::optional(x) : std::nullopt;
 }
 
 /// Where a signal has extremes, but for ripples, and kinks [intervals].
@@ -155,7 +169,7 @@ std::vector<double> turns_of(const Signal& f) {
     if (direction * beyond > 0.0 || (direction == 0 && std::abs(beyond) <= ripple)) {
       if (direction != 0) extreme = j;
     } else if (std::abs(beyond) > ripple) {
-      if (direction != 0) turns.push_back(meeting_near(f, extreme));
+      if (direction != 0) turns.push_back(meeting_near(f, extreme).value_or(extreme));
       direction = beyond > 0.0 ? 1 : -1;
       extreme = j;
     }
@@ -165,7 +179,7 @@ std::vector<double> turns_of(const Signal& f) {
     const double change = std::abs(slope(j + 2) - slope(j - 1));
     const double nearby = std::max(std::abs(slope(j - 1) - slope(j - 2)), std::abs(slope(j + 3) - slope(j + 2)));
     if (change * last < least_kink || change < kink_to_curvature * nearby) continue;
-    if (const double x = meeting_near(f, j); std::abs(x - j) <= 0.5 + 1e-6) turns.push_back(x);
+    if (const auto x = meeting_near(f, j); x && std::abs(*x - j) <= 0.5 + 1e-6) turns.push_back(*x);
   }
   return turns;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 /// Load paths that leave the size of their steps open.
 #include "efree/analysis/analyse.hpp"
+#include "efree/core/error.hpp"
 #include "efree/geometry/meshing/planar_domain.hpp"
 #include "efree/materials/j2.hpp"
 
@@ -109,6 +110,20 @@ TEST(OpenSteps, EndWhereALoadTurnsBackOrComesToRest) {
       EXPECT_LT(off_in_force(result, truth), 2.0 * result.path_errors->steps + 1e-3);
     }
   }
+}
+
+TEST(OpenSteps, ALoadThatIsNoNumberLaterLeavesTheStepsBefore) {
+  const FineMesh<2> mesh = square(0.2);
+  Settings<2> settings = moved_square([](double time) {
+    if (time > 0.62) throw InputError("not a number");
+    return Vec<2>(0.0, 0.01 * (0.3 - std::abs(time - 0.3)));
+  });
+  settings.common.approximation.spacing = 0.4;
+  const Result<2> result = analyse(mesh, settings);
+  EXPECT_EQ(result.stopped, "not a number");
+  EXPECT_GT(result.history.back().time, 0.4);
+  EXPECT_EQ(std::ranges::count_if(result.history, [](const auto& step) { return std::abs(step.time - 0.3) < 0.02; }), 1)
+      << "one stop where it turns";
 }
 
 TEST(OpenSteps, StayWhereALoadJumps) {
