@@ -59,6 +59,13 @@ template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh) {
   return at;
 }
 
+/// Whether two are of the same loads: they may come and go.
+bool are_alike(const Values& one, const Values& other) {
+  return std::ranges::equal(one, other, [](const auto& a, const auto& b) {
+    return a.first == b.first && a.second.size() == b.second.size();
+  });
+}
+
 /// What acts at a time; nothing where an expression has no value.
 template <int Dim> Values values_at(const Settings<Dim>& settings, double time, const Points<Dim>& at) {
   try {
@@ -88,7 +95,7 @@ Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& me
     for (int k = 1; k < times_in_step; ++k) {
       const double share = static_cast<double>(k) / times_in_step;
       const Values now = there(from + share * (to - from));
-      if (now.size() != distances.size() || before.size() != now.size() || after.size() != now.size()) continue;
+      if (now.size() != distances.size() || !are_alike(now, before) || !are_alike(now, after)) continue;
       for (std::size_t i = 0; i < now.size(); ++i)
         for (std::size_t j = 0; j < now[i].second.size(); ++j) {
           const double value = now[i].second[j], one = before[i].second[j], other = after[i].second[j];
@@ -124,15 +131,17 @@ std::vector<Signal> signals_of(const Settings<Dim>& settings, const FineMesh<Dim
   const Points<Dim> at = some_vertices(mesh);
   std::vector<Signal> signals;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  // of signals that act together
+  const Values first_values = values_at(settings, 0.0, at);
+  for (const auto& [on, values] : first_values) {
+    groups.emplace_back(signals.size(), signals.size() + values.size());
+    signals.resize(signals.size() + values.size());
+  }
   for (int j = 0; j <= intervals; ++j) {
     const Values now = values_at(settings, settings.time->path.end * j / intervals, at);
-    if (now.empty()) break;
+    if (!are_alike(now, first_values)) break;
     std::size_t k = 0;
-    for (const auto& [on, values] : now) {
-      if (j == 0) groups.emplace_back(k, k + values.size());
-      if (j == 0) signals.resize(k + values.size());
+    for (const auto& [on, values] : now)
       for (const double value : values) signals[k++].push_back(value);
-    }
   }
   for (const auto& [first, last] : groups) {
     double largest = 0.0;
@@ -184,9 +193,8 @@ std::vector<double> turns_of(const Signal& f) {
   return turns;
 }
 
-/// Times of steps of a length and of the stops of a path, up to an end.
-std::vector<double> even_times(const PathOptions& path, double step, double end) {
-  std::vector<double> times = path.stops;
+/// Times of steps of a length and of stops, up to an end.
+std::vector<double> even_times(std::vector<double> times, double step, double end) {
   for (double time = step; time < end; time += step) times.push_back(time);
   times.push_back(end);
   std::ranges::sort(times);
@@ -217,11 +225,13 @@ double factor_by_turning_loads(const Settings<Dim>& settings, const Result<Dim>&
   if (!may_turn(settings)) return 1.0;
   std::vector<double> times = times_of(result);
   const double end = times.back(), step = settings.time->path.largest_step();
+  std::vector<double> stops = turning_times(settings, *result.mesh);
+  stops.insert(stops.end(), settings.time->path.stops.begin(), settings.time->path.stops.end());
   double factor = 1.0;
   while (largest_distance(settings, *result.mesh, times).distance >= bearable_distance) {
     factor *= 0.5;
     if (factor < least) return 1.0;
-    times = even_times(settings.time->path, factor * step, end);
+    times = even_times(stops, factor * step, end);
   }
   return factor;
 }
