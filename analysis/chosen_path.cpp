@@ -249,9 +249,8 @@ template <int Dim> class Search {
     }
     if (!is_good() && !falls())
       best->warnings.push_back(
-          "displacements, forces and stresses may be further off than their errors say: these do not fall as meshes "
-          "get "
-          "finer, as where strains localise");
+          "displacements, forces and stresses may be further off than their errors say: these do not fall "
+          "as meshes get finer, as where strains localise");
     return best;
   }
 
