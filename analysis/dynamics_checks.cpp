@@ -16,6 +16,8 @@ namespace {
 
 /// Depth over the spacing up to which bodies may be inside each other at the start: chords of a curve on both sides.
 constexpr double allowed_overlap = 0.05;
+/// The same of rigid bodies with each other and with walls, over their size: rounding.
+constexpr double allowed_rigid_overlap = 1e-4;
 /// Speeds of solids over that of pressure waves that are more likely due to mixed units.
 constexpr double plausible_speed = 10.0;
 
@@ -37,6 +39,30 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const 
   for (const auto& [wall, where] : settings.walls)
     check(rigid_shapes::half_space<Dim>(wall.normal, wall.level), "through the wall", where);
   for (const auto& [body, where] : settings.rigid_bodies) check(body.shape, "into the rigid body", where);
+}
+
+template <int Dim> void check_rigid_bodies(const DynamicsSettings<Dim>& settings) {
+  const auto is_free = [](const RigidBody<Dim>& body) { return body.mass > 0.0 || body.inertia > 0.0; };
+  const auto check = [](const auto& one, const RigidShape<Dim>& shape, const char* name) {
+    const RigidBody<Dim>& body = one.body;
+    if (body.corners.cols() == 0) return;
+    const double size = body.round + (body.corners.rowwise().maxCoeff() - body.corners.rowwise().minCoeff()).norm();
+    for (const Vec<Dim> at : body.corners.colwise())
+      if (const double gap = shape(at).gap - body.round; gap < -allowed_rigid_overlap * size)
+        throw InputError(said_at(
+            one.where, fmt::format("the rigid body reaches {} by {:.4g} at the start, at ({:.6g}): contact would throw "
+                                   "them apart. Move them apart",
+                                   name, -gap, fmt::join(at, ", "))));
+  };
+  const auto& all = settings.rigid_bodies;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (is_free(all[i].body))
+      for (const auto& [wall, where] : settings.walls)
+        check(all[i], rigid_shapes::half_space<Dim>(wall.normal, wall.level), "through a wall");
+    for (std::size_t j = 0; j < all.size(); ++j)
+      if (i != j && (is_free(all[i].body) || is_free(all[j].body)))
+        check(all[i], all[j].body.shape, "into another one");
+  }
 }
 
 template <int Dim> void check_overlaps(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model) {
@@ -92,6 +118,7 @@ template <int Dim> std::vector<std::string> warnings_of_speeds(const DynamicsMod
 
 #define EFREE_INSTANTIATE(Dim)                                                           \
   template void check_gaps(const DynamicsSettings<Dim>&, const Points<Dim>&, double);    \
+  template void check_rigid_bodies(const DynamicsSettings<Dim>&);                        \
   template void check_overlaps(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&); \
   template std::vector<std::string> warnings_of_speeds(const DynamicsModel<Dim>&);
 EFREE_INSTANTIATE(2)

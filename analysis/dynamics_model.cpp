@@ -549,6 +549,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
                         (settings.method == DynamicsMethod::sph && settings.sph.frame == SphFrame::total);
   const Points<Dim> nodes = model.probes_points ? model.dynamics.points() : model.dynamics.nodes();
   model.initial_box = {nodes.rowwise().minCoeff(), nodes.rowwise().maxCoeff()};
+  internal::check_rigid_bodies(settings);
   internal::check_gaps(settings, settings.state_start ? nodes : mesh.mesh->vertices(),
                        internal::allowed_gap(settings, model));
   internal::check_overlaps(settings, model);

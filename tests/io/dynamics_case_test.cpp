@@ -143,6 +143,10 @@ TEST(DynamicsCase, WrongRigidBodiesAreRefusedWithFileAndLine) {
               says("level means nothing"));
   EXPECT_THAT(with_rigid_body("shape = \"ball\"\ncentre = [1, 1.5]\nradius = 1\n"),
               says("reach into the rigid body by 0.5"));
+  const std::string ball = "shape = \"ball\"\nradius = 0.3\nmass = 1\n";
+  EXPECT_THAT(with_rigid_body(ball + "centre = [50, 0.1]\n"), says("the rigid body reaches through a wall by 0.1"));
+  EXPECT_THAT(with_rigid_body(ball + "centre = [50, 9]\n[[rigid_body]]\n" + ball + "centre = [50, 9.4]\n"),
+              says("the rigid body reaches into another one by 0.2"));
   EXPECT_THAT(with_rigid_body("shape = \"plane\"\nnormal = [0, 0]\n"), says("normal is zero"));
   EXPECT_THAT(with_rigid_body("shape = \"polygon\"\npoints = [[0, 2], [1, 2], [2, 2]]\n"), says("enclose nothing"));
   const std::string plane = "shape = \"plane\"\nnormal = [0, -1]\nlevel = -2\n";
