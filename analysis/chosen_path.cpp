@@ -13,6 +13,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <optional>
 
 namespace efree {
@@ -204,7 +205,8 @@ template <int Dim> class Search {
         natural_(natural),
         settings_(with_steps_of_checkpoint(settings)),
         monitor_(monitor),
-        is_resumed_(!settings.steps.from) {}
+        is_resumed_(!settings.steps.from),
+        resumed_body_(settings.steps.from ? settings.steps.from->body : 0) {}
 
   /// The path of the first level whose errors are small, or of the last one. Its warnings say if a finer one failed.
   /// Throws NumericalError if the first level has no path.
@@ -241,6 +243,7 @@ template <int Dim> class Search {
         of_larger_steps = std::exchange(best, nullptr);
         coarser.reset();
         excess_.reset();
+        beyond = 0;
         level = levels.first() - 1;
         continue;
       }
@@ -280,7 +283,7 @@ template <int Dim> class Search {
     auto result = std::make_shared<Result<Dim>>(analyse_level(mesh, settings, coarsest, monitor_));
     times_.add(result->times);
     cpu_seconds_ += result->cpu_seconds;
-    is_resumed_ = is_resumed_ || settings_.steps.from->body == fingerprint(result->approximation);
+    is_resumed_ = is_resumed_ || resumed_body_ == fingerprint(result->approximation);
     excess_before_ = std::exchange(excess_, excess_of_path(settings_, *result));
     const double error = result->path_errors ? result->path_errors->largest().first
                          : result->estimates ? result->estimates->total()
@@ -306,6 +309,7 @@ template <int Dim> class Search {
   Settings<Dim> settings_;
   const Monitor& monitor_;
   bool is_resumed_;
+  std::uint64_t resumed_body_;                    ///< of the checkpoint that is gone on from
   std::optional<double> excess_, excess_before_;  ///< of the last path and the one before
   std::vector<Attempt> attempts_;
   StageTimes times_;

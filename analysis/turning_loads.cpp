@@ -82,14 +82,13 @@ struct Distance {
   double from = 0.0, to = 0.0;  ///< the step [time]
 };
 
-template <int Dim>
-Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, const std::vector<double>& times) {
+template <int Dim> Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& mesh,
+                                             const std::vector<double>& times, double from = 0.0) {
   const Points<Dim> at = some_vertices(mesh);
   const auto there = [&](double time) { return values_at(settings, time, at); };
-  Values before = there(0.0);
+  Values before = there(from);
   std::vector<double> largest(before.size(), 0.0);
   std::vector<Distance> distances(before.size());
-  double from = 0.0;
   for (const double to : times) {
     const Values after = there(to);
     for (int k = 1; k < times_in_step; ++k) {
@@ -227,11 +226,20 @@ double factor_by_turning_loads(const Settings<Dim>& settings, const Result<Dim>&
   const double end = times.back(), step = settings.time->path.largest_step();
   std::vector<double> stops = turning_times(settings, *result.mesh);
   stops.insert(stops.end(), settings.time->path.stops.begin(), settings.time->path.stops.end());
+  const auto worst = [&] { return largest_distance(settings, *result.mesh, times); };
+  Distance most = worst();
+  if (most.distance < bearable_distance) return 1.0;
+  // A jump stays one in the smallest steps: these are looked at where it is, before all others.
+  std::vector<double> smallest;
+  for (double time = most.from + least * step; time < most.to; time += least * step) smallest.push_back(time);
+  smallest.push_back(most.to);
+  if (largest_distance(settings, *result.mesh, smallest, most.from).distance >= bearable_distance) return 1.0;
   double factor = 1.0;
-  while (largest_distance(settings, *result.mesh, times).distance >= bearable_distance) {
+  while (most.distance >= bearable_distance) {
     factor *= 0.5;
     if (factor < least) return 1.0;
     times = even_times(stops, factor * step, end);
+    most = worst();
   }
   return factor;
 }
