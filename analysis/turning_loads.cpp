@@ -15,7 +15,8 @@ namespace {
 
 /// Times within a step, and vertices of the mesh, at which loads are looked at.
 constexpr int times_in_step = 16;
-constexpr Index vertices_looked_at = 5;
+constexpr double golden = 0.6180339887498949;
+constexpr Index vertices_looked_at = 5, vertices_of_distances = 50;
 /// Distance of a load from the straight line between two steps, over its largest value, from which it is warned of.
 constexpr double bearable_distance = 0.05;
 
@@ -51,11 +52,11 @@ template <int Dim> Values values_of(const Acting<Dim>& acting, const Points<Dim>
   return values;
 }
 
-template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh) {
+template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh, Index most) {
   const Points<Dim>& vertices = mesh.vertices();
-  Points<Dim> at(Dim, vertices_looked_at);
-  for (Index k = 0; k < vertices_looked_at; ++k)
-    at.col(k) = vertices.col(k * (vertices.cols() - 1) / (vertices_looked_at - 1));
+  const Index count = std::min<Index>(most, static_cast<Index>(vertices.cols()));
+  Points<Dim> at(Dim, count);
+  for (Index k = 0; k < count; ++k) at.col(k) = vertices.col(k * (vertices.cols() - 1) / (count - 1));
   return at;
 }
 
@@ -84,7 +85,7 @@ struct Distance {
 
 template <int Dim> Distance largest_distance(const Settings<Dim>& settings, const FineMesh<Dim>& mesh,
                                              const std::vector<double>& times, double from = 0.0) {
-  const Points<Dim> at = some_vertices(mesh);
+  const Points<Dim> at = some_vertices(mesh, vertices_of_distances);
   const auto there = [&](double time) { return values_at(settings, time, at); };
   Values before = there(from);
   std::vector<double> largest(before.size(), 0.0);
@@ -92,7 +93,8 @@ template <int Dim> Distance largest_distance(const Settings<Dim>& settings, cons
   for (const double to : times) {
     const Values after = there(to);
     for (int k = 1; k < times_in_step; ++k) {
-      const double share = static_cast<double>(k) / times_in_step;
+      double whole = 0.0;
+      const double share = std::modf(k * golden, &whole);  // even ones may all meet zeros of a sine
       const Values now = there(from + share * (to - from));
       if (now.size() != distances.size() || !are_alike(now, before) || !are_alike(now, after)) continue;
       for (std::size_t i = 0; i < now.size(); ++i)
@@ -127,7 +129,7 @@ using Signal = std::vector<double>;
 
 template <int Dim>
 std::vector<Signal> signals_of(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, int intervals) {
-  const Points<Dim> at = some_vertices(mesh);
+  const Points<Dim> at = some_vertices(mesh, vertices_looked_at);
   std::vector<Signal> signals;
   std::vector<std::pair<std::size_t, std::size_t>> groups;  // of signals that act together
   const Values first_values = values_at(settings, 0.0, at);
