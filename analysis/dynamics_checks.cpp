@@ -42,7 +42,6 @@ template <int Dim> void check_gaps(const DynamicsSettings<Dim>& settings, const 
 }
 
 template <int Dim> void check_rigid_bodies(const DynamicsSettings<Dim>& settings) {
-  const auto is_free = [](const RigidBody<Dim>& body) { return body.mass > 0.0 || body.inertia > 0.0; };
   const auto check = [](const auto& one, const RigidShape<Dim>& shape, const char* name) {
     const RigidBody<Dim>& body = one.body;
     if (body.corners.cols() == 0) return;
@@ -56,11 +55,11 @@ template <int Dim> void check_rigid_bodies(const DynamicsSettings<Dim>& settings
   };
   const auto& all = settings.rigid_bodies;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (is_free(all[i].body))
+    if (all[i].body.is_free())
       for (const auto& [wall, where] : settings.walls)
         check(all[i], rigid_shapes::half_space<Dim>(wall.normal, wall.level), "through a wall");
     for (std::size_t j = 0; j < all.size(); ++j)
-      if (i != j && (is_free(all[i].body) || is_free(all[j].body)))
+      if (i != j && (all[i].body.is_free() || all[j].body.is_free()))
         check(all[i], all[j].body.shape, "into another one");
   }
 }

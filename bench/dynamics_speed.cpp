@@ -2,9 +2,8 @@
 // bench_dynamics_speed SCENE [STEPS] [SIZE]: time and memory of explicit dynamics, a fixed number of steps of one scene
 // on OMP_NUM_THREADS threads (1 if not set). SIZE: points along an edge over those by default, for scenes of clay.
 // Prints the scene, CPU seconds of the steps (by the clock on several threads), steps, material points, updates of
-// points per second, the largest resident memory of the process, of which so much came on top of what was resident
-// before the scene to each point, and the same from the first step on; and the time reached. Without a scene it lists
-// them.
+// points per second, the peak memory of the process, its increase over the memory before the scene by point, likewise
+// for the peak of the steps alone, and the time reached. Without a scene it lists them.
 #include "efree/dynamics/dynamics.hpp"
 #include "efree/dynamics/schemes/mpm/mpm.hpp"
 #include "efree/dynamics/schemes/otm/otm.hpp"
@@ -110,13 +109,7 @@ Simulation<2> gas() {
 
 /// Clay that falls down its free sides, on a rough floor and between smooth walls in the planes of symmetry.
 template <int Dim, class Lattice> Simulation<Dim> clay(std::unique_ptr<Scheme<Dim>> scheme, const Lattice& on_lattice) {
-  const bench::Soil of{.density = 1850.0,
-                       .bulk = 1.5e6,
-                       .nu = 0.3,
-                       .cohesion = 5e3,
-                       .friction = 25.0,
-                       .dilatancy = 0.0,
-                       .fit = Dim == 2 ? ConeFit::plane_strain : ConeFit::compression};
+  constexpr bench::Soil of = bench::soft_clay<Dim>;
   std::vector<Body<Dim>> bodies;
   bodies.push_back(on_lattice(bench::block<Dim>(1.0, 1.0), of.material(), of.density));
   Simulation<Dim> simulation(std::move(bodies), std::move(scheme), {.imbalance = 10.0});

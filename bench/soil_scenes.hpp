@@ -42,6 +42,14 @@ constexpr Soil rods{.density = 2650.0, .bulk = 0.7e6, .nu = 0.3, .cohesion = 0.0
 /// Those of a like test with other rods (Nguyen, Nguyen, Bui, Nguyen & Fukagawa 2017).
 constexpr Soil rods_2{
     .density = 2040.0, .bulk = 4.867e6, .nu = 0.3, .cohesion = 0.0, .friction = 21.9, .dilatancy = 0.0};
+/// Soft clay whose columns collapse in clumps.
+template <int Dim> constexpr Soil soft_clay{.density = 1850.0,
+                                            .bulk = 1.5e6,
+                                            .nu = 0.3,
+                                            .cohesion = 5e3,
+                                            .friction = 25.0,
+                                            .dilatancy = 0.0,
+                                            .fit = Dim == 2 ? ConeFit::plane_strain : ConeFit::compression};
 
 /// Particles of a rectangle from the origin on.
 inline DeformableBody<2> soil_block(double length, double height, const SphOptions& options, const Soil& soil,
@@ -303,13 +311,7 @@ struct Clumps {
 };
 /// Clay 2 m high, 4 m long in the plane and a quarter of 4 m by 4 m in space, falls down the free sides.
 template <int Dim> Clumps cohesive_collapse(const SphOptions& options, double end) {
-  constexpr Soil clay{.density = 1850.0,
-                      .bulk = 1.5e6,
-                      .nu = 0.3,
-                      .cohesion = 5e3,
-                      .friction = 25.0,
-                      .dilatancy = 0.0,
-                      .fit = Dim == 2 ? ConeFit::plane_strain : ConeFit::compression};
+  constexpr Soil clay = soft_clay<Dim>;
   const auto body = [&] {
     if constexpr (Dim == 2)
       return soil_block(4.0, 2.0, options, clay);

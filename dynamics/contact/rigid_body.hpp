@@ -70,6 +70,8 @@ template <int Dim> struct RigidBody {
   /// On one with a mass, by time, at its centre [force]. Empty: none.
   std::function<Vec<Dim>(double)> force{};
 
+  /// Whether contact forces move it.
+  bool is_free() const { return mass > 0.0 || inertia > 0.0; }
   /// 1 along axes that it is not held along, else 0.
   Vec<Dim> free_axes() const {
     Vec<Dim> free;

@@ -22,8 +22,9 @@ template <int Dim> IterationEnd iteration_end(const World<Dim>& world, int most)
   const bool comes_to_rest = world.time >= world.options.rest_from;
   return {comes_to_rest ? 1e-5 : 1e-3, comes_to_rest ? 2 * most : most};
 }
-/// Most gradient steps for clouds on walls, and between bodies, where more do not help (docs/evidence.md).
-inline constexpr int most_steps_on_walls = 30, most_steps_between_bodies = 15;
+/// Most gradient steps for clouds on walls, and between bodies, where more do not help (docs/evidence.md); most sweeps
+/// over points.
+inline constexpr int most_steps_on_walls = 30, most_steps_between_bodies = 15, most_sweeps_of_points = 20;
 
 /// The impulses with the least kinetic energy afterwards, of those that `project` admits (accelerated projected
 /// gradients with restarts: Nesterov 1983; O'Donoghue & Candes 2015; for contact Mazhar et al. 2015).

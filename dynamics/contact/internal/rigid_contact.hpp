@@ -60,7 +60,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
 
     bool is_wall() const { return who.kind == ContactPartner::Kind::wall; }
     bool has_coulomb_friction() const { return body.friction > 0.0 && std::isfinite(body.friction); }
-    bool is_free() const { return body.mass > 0.0 || body.inertia > 0.0; }
+    bool is_free() const { return body.is_free(); }
     /// Counts an impulse on a body at a position.
     void add_reaction(World<Dim>& world, Index to, const Vec<Dim>& at, const Vec<Dim>& on_body) {
       world.contacts.add(body_partner(to), who, at, on_body);
