@@ -52,13 +52,23 @@ template <int Dim> class Interaction {
 /// moving: whether nodes stay with the material; else only the others count.
 template <int Dim>
 double step_of_half_spacing(const World<Dim>& world, const std::vector<Vec<Dim>>& others = {}, bool moving = true) {
+  constexpr Index at_once = 1024;
   const Nodes<Dim>& nodes = world.nodes;
-  double longest = std::numeric_limits<double>::infinity(), smallest = longest;
-  for (Index a = 0; a < nodes.size(); ++a) {
-    if (nodes.follows(a) || !(nodes.mass[a] > 0.0)) continue;
-    smallest = std::min(smallest, nodes.spacing[a]);
-    if (const double speed = moving ? nodes.v.col(a).norm() : 0.0; speed > 0.0)
-      longest = std::min(longest, 0.5 * nodes.spacing[a] / speed);
+  const double none = std::numeric_limits<double>::infinity();
+  std::vector<std::pair<double, double>> of_ranges((nodes.size() + at_once - 1) / at_once, {none, none});
+  parallel_chunks(nodes.size(), at_once, [&](Index begin, Index end) {
+    auto& [step, spacing] = of_ranges[begin / at_once];
+    for (Index a = begin; a < end; ++a) {
+      if (nodes.follows(a) || !(nodes.mass[a] > 0.0)) continue;
+      spacing = std::min(spacing, nodes.spacing[a]);
+      if (const double speed = moving ? nodes.v.col(a).norm() : 0.0; speed > 0.0)
+        step = std::min(step, 0.5 * nodes.spacing[a] / speed);
+    }
+  });
+  double longest = none, smallest = none;
+  for (const auto& [step, spacing] : of_ranges) {
+    longest = std::min(longest, step);
+    smallest = std::min(smallest, spacing);
   }
   for (const Vec<Dim>& velocity : others)
     if (const double speed = velocity.norm(); speed > 0.0) longest = std::min(longest, 0.5 * smallest / speed);

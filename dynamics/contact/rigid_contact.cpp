@@ -9,8 +9,8 @@
 namespace efree::internal {
 namespace {
 
-/// Nodes whose gaps are known at a time, but to rigid bodies with a mass.
-constexpr Index gaps_at_once = 16384;
+/// Nodes of a range that one thread brings into contact.
+constexpr Index nodes_at_once = 512;
 /// Squared length of the normal along the free axes below which a node is fixed against the rigid body.
 constexpr double least_free = 1e-3;
 
@@ -107,25 +107,19 @@ template <int Dim> const WallForces<Dim>* RigidContact<Dim>::held_by_scheme(cons
   return held && rigid.is_wall() && rigid.who.number < std::ssize(held->forces) ? held : nullptr;
 }
 
-/// Gaps of the nodes [begin, end), infinite where surface points are in contact instead.
-template <int Dim>
-void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid, Index begin, Index end) {
+/// Infinite where surface points are in contact instead.
+template <int Dim> Gap<Dim> RigidContact<Dim>::gap_of_node(const World<Dim>& world, const Rigid& rigid, Index a) const {
   const Nodes<Dim>& nodes = world.nodes;
-  first_gap_ = begin;
-  gaps_.resize(static_cast<std::size_t>(end - begin));
-  // Particles that a scheme holds off by forces are stopped only where these do not do.
-  const double share = held_by_scheme(rigid) ? 0.5 : 1.0;
-  parallel_for(end - begin, [&](Index k) {
-    const Index a = begin + k;
-    if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0)) {
-      gaps_[k] = {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
-      return;
-    }
-    gaps_[k] = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
-    // What overlaps is not pushed out, which would make it fast: where particles end is known to a part of their size.
-    if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0)
-      gaps_[k].gap = std::max(gaps_[k].gap - share * nodes.radius[a], 0.0);
-  });
+  if (world.surface_points.of(nodes.body[a]) || !(nodes.mass[a] > 0.0))
+    return {std::numeric_limits<double>::infinity(), Vec<Dim>::Zero()};
+  Gap<Dim> result = gap_to<Dim>(rigid.body, rigid.now, nodes.x.col(a));
+  if (nodes.radius.size() != 0 && nodes.radius[a] > 0.0) {
+    // Particles that a scheme holds off by forces are stopped only where these do not do. What overlaps is not pushed
+    // out, which would make it fast: where particles end is known to a part of their size.
+    const double share = held_by_scheme(rigid) ? 0.5 : 1.0;
+    result.gap = std::max(result.gap - share * nodes.radius[a], 0.0);
+  }
+  return result;
 }
 
 /// The impulse that keeps a node out of a rigid body in this step, with Coulomb friction. pressed: impulse over the
@@ -133,9 +127,10 @@ void RigidContact<Dim>::find_gaps(const World<Dim>& world, const Rigid& rigid, I
 /// impulse with respect to the rigid body's velocity there. Along axes with prescribed velocity there is none.
 template <int Dim>
 typename RigidContact<Dim>::OnNode RigidContact<Dim>::on_node(const World<Dim>& world, const Rigid& rigid, Index a,
-                                                              double dt, double pressed, Mat<Dim>* slope) const {
+                                                              const Gap<Dim>& of, double dt, double pressed,
+                                                              Mat<Dim>* slope) const {
   const Nodes<Dim>& nodes = world.nodes;
-  const auto& [gap, normal] = gaps_[a - first_gap_];
+  const auto& [gap, normal] = of;
   const double mass = nodes.mass[a], mu = rigid.body.friction;
   if (slope) slope->setZero();
   OnNode result;
@@ -178,8 +173,9 @@ typename RigidContact<Dim>::OnNode RigidContact<Dim>::on_node(const World<Dim>& 
 }
 
 /// Velocity and spin of a rigid body with a mass after contact with the nodes, by Newton's method for its momenta,
-/// which are piecewise linear in both without friction.
-template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const {
+/// which are piecewise linear in both without friction. gaps: of all nodes.
+template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world, Rigid& rigid,
+                                                        const std::vector<Gap<Dim>>& gaps, double dt) const {
   constexpr int n = freedoms<Dim>;
   using Motions = Vec<n>;
   Motions inertia, start;
@@ -195,7 +191,7 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
     Mat<n> slope = inertia.asDiagonal();
     for (Index a = 0; a < world.nodes.size(); ++a) {
       Mat<Dim> of_node;
-      const Vec<Dim> impulse = on_node(world, rigid, a, dt, 0.0, &of_node).impulse;
+      const Vec<Dim> impulse = on_node(world, rigid, a, gaps[a], dt, 0.0, &of_node).impulse;
       if (impulse.isZero(0.0)) continue;
       const auto at = velocity_matrix<Dim>(world.nodes.x.col(a) - rigid.now.centre);
       residual += at.transpose() * impulse;
@@ -216,31 +212,47 @@ template <int Dim> void RigidContact<Dim>::solve_motion(const World<Dim>& world,
   }
 }
 
-template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt) {
+/// Counts the forces by which the scheme holds nodes off a wall. Returns by node the impulse over the mass that presses
+/// it onto the wall already; empty: none, or it does not matter.
+template <int Dim> Vector RigidContact<Dim>::count_wall_forces(World<Dim>& world, Rigid& rigid, double kick) const {
+  const WallForces<Dim>* held = held_by_scheme(rigid);
+  if (!held) return {};
+  const Nodes<Dim>& nodes = world.nodes;
+  Vector pressed;
+  if (rigid.has_coulomb_friction()) pressed.setZero(nodes.size());
+  const Vec<Dim> normal = world.walls[rigid.who.number].normal;
+  for (std::size_t i = 0; i < held->nodes.size(); ++i) {
+    const Index a = held->nodes[i];
+    const Vec<Dim> force = held->forces[rigid.who.number].col(static_cast<Index>(i));
+    if (!(nodes.mass[a] > 0.0) || force.isZero(0.0)) continue;
+    rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), kick * force);
+    if (pressed.size() != 0) pressed[a] = std::max(0.0, kick * normal.dot(force) / nodes.mass[a]);
+  }
+  return pressed;
+}
+
+/// gaps: of all nodes; empty: not known yet.
+template <int Dim> void RigidContact<Dim>::apply_to_nodes(World<Dim>& world, std::size_t k,
+                                                          const std::vector<Gap<Dim>>& gaps, double kick, double dt) {
   Rigid& rigid = rigids_[k];
   Nodes<Dim>& nodes = world.nodes;
-  const WallForces<Dim>* held = held_by_scheme(rigid);
-  std::size_t next = 0;  // of the nodes that are held
-  const bool has_gaps = rigid.is_free() && !world.stands_still;
-  for (Index a = 0; a < nodes.size(); ++a) {
-    if (!has_gaps && a % gaps_at_once == 0) find_gaps(world, rigid, a, std::min(a + gaps_at_once, nodes.size()));
-    double pressed = 0.0;
-    if (held && next < held->nodes.size() && held->nodes[next] == a) {
-      const Vec<Dim> force = held->forces[rigid.who.number].col(static_cast<Index>(next++));
-      if (nodes.mass[a] > 0.0 && !force.isZero(0.0)) {
-        rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), kick * force);
-        if (rigid.has_coulomb_friction())
-          pressed = std::max(0.0, kick * world.walls[rigid.who.number].normal.dot(force) / nodes.mass[a]);
-      }
+  const Vector pressed = count_wall_forces(world, rigid, kick);
+  std::vector<std::vector<NodeImpulse>> found((nodes.size() + nodes_at_once - 1) / nodes_at_once);
+  parallel_chunks(nodes.size(), nodes_at_once, [&](Index begin, Index end) {
+    for (Index a = begin; a < end; ++a) {
+      const Gap<Dim> gap = gaps.empty() ? gap_of_node(world, rigid, a) : gaps[a];
+      const auto& [impulse, by_friction, friction] =
+          on_node(world, rigid, a, gap, dt, pressed.size() != 0 ? pressed[a] : 0.0, nullptr);
+      if (!rigid.friction.empty()) rigid.friction[a] = friction;
+      if (!impulse.isZero(0.0)) found[begin / nodes_at_once].push_back({k, a, impulse, by_friction});
     }
-    const auto& [impulse, by_friction, friction] = on_node(world, rigid, a, dt, pressed, nullptr);
-    if (!rigid.friction.empty()) rigid.friction[a] = friction;
-    if (impulse.isZero(0.0)) continue;
-    rigid.add_reaction(world, nodes.body[a], nodes.x.col(a), impulse);
-    node_impulses_.push_back({k, a, impulse, by_friction});
-  }
-  for (const auto& [of, node, impulse, by_friction] : node_impulses_)
-    if (of == k) nodes.v.col(node) += impulse / nodes.mass[node];
+  });
+  for (const std::vector<NodeImpulse>& of_range : found)
+    for (const NodeImpulse& on : of_range) {
+      rigid.add_reaction(world, nodes.body[on.node], nodes.x.col(on.node), on.impulse);
+      nodes.v.col(on.node) += on.impulse / nodes.mass[on.node];
+      node_impulses_.push_back(on);
+    }
 }
 
 template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, double kick, double dt) {
@@ -260,11 +272,13 @@ template <int Dim> void RigidContact<Dim>::apply_impulses(World<Dim>& world, dou
     if (scheme_.nodes_persist()) {
       apply_to_surface(world, rigid, dt);
       if (rigid.has_coulomb_friction()) rigid.friction.resize(world.nodes.size());
+      std::vector<Gap<Dim>> gaps;
       if (rigid.is_free() && !world.stands_still) {
-        find_gaps(world, rigid, 0, world.nodes.size());
-        solve_motion(world, rigid, dt);
+        gaps.resize(world.nodes.size());
+        parallel_for(world.nodes.size(), [&](Index a) { gaps[a] = gap_of_node(world, rigid, a); });
+        solve_motion(world, rigid, gaps, dt);
       }
-      apply_to_nodes(world, k, kick, dt);
+      apply_to_nodes(world, k, gaps, kick, dt);
     } else {
       apply_to_points(world, rigid, dt);
     }

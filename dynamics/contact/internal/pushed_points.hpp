@@ -2,6 +2,7 @@
 /// Points of surfaces that are no nodes, and how impulses move them.
 #pragma once
 
+#include "efree/core/parallel.hpp"
 #include "efree/dynamics/masses.hpp"
 
 #include <vector>
@@ -54,6 +55,7 @@ template <int R> class PushedPoints {
     }
     shape_.finalize();
     shape_.conservativeResize(shape_.rows(), static_cast<Index>(nodes.size()));
+    shape_of_nodes_ = shape_.transpose();
     inverse.find(world, nodes);
     for (const Index a : nodes) {
       for (const auto& [node, value] : inverse.row(a)) {
@@ -78,19 +80,26 @@ template <int R> class PushedPoints {
 
   /// Velocities of the points by impulses on them; see velocities_of.
   Values velocities(const Values& impulses) const {
-    const Values on_nodes = impulses * shape_;
-    Values of_nodes(R, on_nodes.cols()), of_points(R, size());
-    for (std::size_t k = 0, e = 0; k < ends_.size(); ++k) {
-      Vec<R> even = Vec<R>::Zero(), odd = even;  // an addition waits for the one before it
-      for (; e + 1 < ends_[k]; e += 2) {
-        even += inverse_[e].value.cwiseProduct(on_nodes.col(inverse_[e].node));
-        odd += inverse_[e + 1].value.cwiseProduct(on_nodes.col(inverse_[e + 1].node));
+    const auto n = static_cast<Index>(ends_.size());
+    Values on_nodes(R, n), of_nodes(R, n), of_points(R, size());
+    parallel_chunks(n, rows_at_once, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) on_nodes.col(k) = row_times<R>(shape_of_nodes_, k, impulses);
+    });
+    parallel_chunks(n, rows_at_once, [&](Index begin, Index end) {
+      for (Index k = begin; k < end; ++k) {
+        std::size_t e = k == 0 ? 0 : ends_[k - 1];
+        Vec<R> even = Vec<R>::Zero(), odd = even;  // an addition waits for the one before it
+        for (; e + 1 < ends_[k]; e += 2) {
+          even += inverse_[e].value.cwiseProduct(on_nodes.col(inverse_[e].node));
+          odd += inverse_[e + 1].value.cwiseProduct(on_nodes.col(inverse_[e + 1].node));
+        }
+        if (e < ends_[k]) even += inverse_[e].value.cwiseProduct(on_nodes.col(inverse_[e].node));
+        of_nodes.col(k) = even + odd;
       }
-      if (e < ends_[k]) even += inverse_[e].value.cwiseProduct(on_nodes.col(inverse_[e].node));
-      e = ends_[k];
-      of_nodes.col(static_cast<Index>(k)) = even + odd;
-    }
-    for (Index s = 0; s < size(); ++s) of_points.col(s) = row_times<R>(shape_, s, of_nodes);
+    });
+    parallel_chunks(size(), rows_at_once, [&](Index begin, Index end) {
+      for (Index s = begin; s < end; ++s) of_points.col(s) = row_times<R>(shape_, s, of_nodes);
+    });
     return of_points;
   }
 
@@ -99,7 +108,10 @@ template <int R> class PushedPoints {
     Index node;
     Vec<R> value;
   };
+  static constexpr Index rows_at_once = 32;  // some 2 us of work
+
   SparseRows shape_;            // points x nodes, these numbered among themselves
+  SparseRows shape_of_nodes_;   // its transpose
   std::vector<Entry> inverse_;  // of the mass, node by node
   std::vector<std::size_t> ends_;
   Vector bounds_;

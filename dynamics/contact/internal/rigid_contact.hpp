@@ -118,11 +118,12 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   const WallForces<Dim>* held_by_scheme(const Rigid& rigid) const;
   /// What gravity and its own force add to the velocity of one with a mass in half a step.
   static Vec<Dim> velocity_by_half_a_step(const World<Dim>& world, const Rigid& rigid);
-  void find_gaps(const World<Dim>& world, const Rigid& rigid, Index begin, Index end);
-  OnNode on_node(const World<Dim>& world, const Rigid& rigid, Index a, double dt, double pressed,
+  Gap<Dim> gap_of_node(const World<Dim>& world, const Rigid& rigid, Index a) const;
+  OnNode on_node(const World<Dim>& world, const Rigid& rigid, Index a, const Gap<Dim>& of, double dt, double pressed,
                  Mat<Dim>* slope) const;
-  void solve_motion(const World<Dim>& world, Rigid& rigid, double dt) const;
-  void apply_to_nodes(World<Dim>& world, std::size_t k, double kick, double dt);
+  void solve_motion(const World<Dim>& world, Rigid& rigid, const std::vector<Gap<Dim>>& gaps, double dt) const;
+  Vector count_wall_forces(World<Dim>& world, Rigid& rigid, double kick) const;
+  void apply_to_nodes(World<Dim>& world, std::size_t k, const std::vector<Gap<Dim>>& gaps, double kick, double dt);
   // Rigid bodies (rigid_pairs.cpp).
   void find_rigid_pairs(const World<Dim>& world, double dt);
   void apply_to_rigid_bodies(World<Dim>& world, double dt);
@@ -139,8 +140,6 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   Points<Dim> x_searched_;         ///< positions of the nodes when near points were found; empty: not yet
   InverseMass<Dim> inverse_mass_;  ///< where surface points are in contact
   // In this step.
-  std::vector<Gap<Dim>> gaps_;  ///< of some nodes in a row to one rigid body
-  Index first_gap_ = 0;         ///< node that the first of these is of
   std::vector<NodeImpulse> node_impulses_;
   std::vector<RigidImpulse> rigid_impulses_;
 };
