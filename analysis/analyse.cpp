@@ -287,7 +287,7 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   Result<Dim> result = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
   while (true) {
     const SmallerSteps smaller = smaller_steps_for(with_defaults(settings, mesh), result);
-    if (smaller.factor == 1.0) return result;
+    if (smaller.why.empty()) return result;
     settings = with_smaller_steps(std::move(settings), result, smaller, monitor);
     try {
       Result<Dim> next = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);

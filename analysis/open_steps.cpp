@@ -18,24 +18,29 @@ constexpr double aimed_error_of_steps = 0.8 * bearable_error_of_steps, least_sca
 
 template <int Dim> SmallerSteps smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result) {
   const PathOptions path = settings.time ? settings.time->path : PathOptions();
-  const double least = least_scale / path.scale;
+  const double least = std::max(least_scale / path.scale, path.min_step / path.first_step());
   if (path.gives_steps() || result.history.empty() || !settings.estimated || least >= 1.0) return {};
-  if (const double factor = factor_by_turning_loads(settings, result, least); factor < 1.0)
-    return {factor, "loads turn within them"};
+  const double range = settings.time ? settings.time->elastic_range : 1.0;
+  if (const double smaller = smaller_elastic_range(settings, result); smaller < range)
+    return {1.0, smaller,
+            fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * smaller)};
   const auto& errors = result.path_errors;
   if (!errors || errors->steps <= bearable_error_of_steps || errors->largest().first <= bearable_error_of_path)
     return {};
-  return {std::max(aimed_error_of_steps / errors->steps, least),
+  return {std::max(aimed_error_of_steps / errors->steps, least), range,
           fmt::format("errors by their size are {:.2g} %", 100.0 * errors->steps)};
 }
 
 template <int Dim> Settings<Dim> with_steps_of_checkpoint(Settings<Dim> settings) {
-  if (!settings.steps.from || settings.steps.from->scale == 1.0) return settings;
+  const auto& from = settings.steps.from;
+  if (!from || (from->scale == 1.0 && from->elastic_range == 1.0)) return settings;
   if (!settings.time) {
     settings.time.emplace();
     settings.regime = Regime::finite;  // as materials flow
   }
-  if (!settings.time->path.gives_steps()) settings.time->path.scale = settings.steps.from->scale;
+  if (settings.time->path.gives_steps()) return settings;
+  settings.time->path.scale = from->scale;
+  settings.time->elastic_range = from->elastic_range;
   return settings;
 }
 
@@ -46,12 +51,11 @@ template <int Dim> Settings<Dim> with_smaller_steps(Settings<Dim> settings, cons
     settings.regime = result.regime;
   }
   settings.time->path.scale *= smaller.factor;
+  settings.time->elastic_range = smaller.elastic_range;
   settings.steps.from.reset();
   if (monitor.say)
-    monitor.say(
-        fmt::format("steps: the path begins again with steps up to {:.3g} long, {:.2g} times as long as before, "
-                    "as {}",
-                    settings.time->path.largest_step(), smaller.factor, smaller.why));
+    monitor.say(fmt::format("steps: the path begins again with smaller steps, up to {:.3g} long, as {}",
+                            settings.time->path.largest_step(), smaller.why));
   return settings;
 }
 

@@ -73,6 +73,8 @@ template <int Dim> struct TimeSettings {
   PathOptions path{};
   std::optional<PathEnd> until{};                    ///< besides path.end
   std::function<Acting<Dim>(double time)> acting{};  ///< empty: settings.supports and loads, in proportion to the time
+  /// Loads that the body bears elastically over the largest: how far steps that are left open follow loads that turn.
+  double elastic_range = 1.0;
 };
 /// A probe or a reaction and the error it may have, relative to its size.
 struct Goal {

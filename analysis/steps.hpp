@@ -56,8 +56,8 @@ template <int Dim> struct Checkpoint {
   /// As long as linear elasticity is enough, which `at` is of then: up to where the full model agrees with it to
   /// rounding, and from where that goes on once it is not.
   std::optional<PathPoint> agreed{};
-  double scale = 1.0;  ///< PathOptions::scale of the steps
-  Vector mode{};       ///< of the first step at which the body was not stable (softest_mode); empty before
+  double scale = 1.0, elastic_range = 1.0;  ///< of the steps: PathOptions::scale, TimeSettings::elastic_range
+  Vector mode{};  ///< of the first step at which the body was not stable (softest_mode); empty before
 };
 
 template <int Dim> struct Result;

@@ -230,6 +230,11 @@ template <int Dim> class Walk {
     stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
   }
 
+  void note_steps() {
+    there_.scale = path_.scale;
+    if (settings_.time) there_.elastic_range = settings_.time->elastic_range;
+  }
+
   void begin() {
     const std::uint64_t body = fingerprint(full_.approximation());
     const auto& steps = settings_.steps;
@@ -241,7 +246,7 @@ template <int Dim> class Walk {
     const PathPoint rest = beside_ ? beside_->equations().rest() : full_.rest();
     if (!from) {
       there_ = {rest, {}, body};
-      there_.scale = path_.scale;
+      note_steps();
       if (beside_) there_.agreed = rest;
       return;
     }
@@ -257,7 +262,7 @@ template <int Dim> class Walk {
           fmt::format("these steps have come to time {:.6g}, beyond the end at {:.6g}: run without --resume",
                       from->at.time, path_.end));
     there_ = *from;
-    there_.scale = path_.scale;
+    note_steps();
   }
 
   /// Follows equilibria of one model from where it is.

@@ -70,18 +70,19 @@ template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const
 /// A warning where loads leave the straight line between two steps of a path of materials that flow: neither the path
 /// nor estimates of its errors see what they do there.
 template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);
-/// Times at which what acts on a body that flows has extremes or kinks, ascending: a step that passes over one misses
-/// what the body dissipates up to it. As seen from 160 to 1600 even times and a few vertices of the mesh.
+/// Times at which steps are to end, ascending: where what acts on a body that flows has extremes or kinks, as a step
+/// that passes over one misses what the body dissipates up to it, and, where the settings leave steps open, so that
+/// loads hardly leave the straight line between them (LoadCurve).
 template <int Dim> std::vector<double> turning_times(const Settings<Dim>& settings, const FineMesh<Dim>& mesh);
-/// The largest factor of steps, halved as far as `least`, at which loads hardly turn within them; 1 where they do not,
-/// or jump.
-template <int Dim>
-double factor_by_turning_loads(const Settings<Dim>& settings, const Result<Dim>& result, double least);
+/// TimeSettings::elastic_range of a path, if it is smaller than in its settings and steps are too large for it; else
+/// that.
+template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result);
 
-/// How much smaller the steps of a path are to be (factor of PathOptions::scale), and why; 1 where they may stay.
+/// How much smaller the steps of a path are to be, and why.
 struct SmallerSteps {
-  double factor = 1.0;
-  std::string why{};
+  double factor = 1.0;         ///< of PathOptions::scale
+  double elastic_range = 1.0;  ///< TimeSettings::elastic_range
+  std::string why{};           ///< empty: they may stay
 };
 /// Of a path whose settings, with defaults, leave its steps open: its errors are large and by the size of steps, or
 /// loads turn within these.

@@ -9,13 +9,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <limits>
 #include <list>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <numbers>
 #include <regex>
 #include <set>
 #include <thread>
+#include <utility>
 
 namespace efree {
 namespace {
@@ -65,9 +68,10 @@ template <int Dim> class Program {
   }
   /// A field that later ones may call `name`.
   void define(const std::string& name, const ScalarField<Dim>& given) {
-    steps_.emplace_back().name = name;
-    steps_.back().given = given;
+    steps_.push_back({.name = name, .parser = {}, .given = given, .is_in_space = true});
   }
+  /// The time, which later ones may call `name`.
+  void define_time(const std::string& name) { steps_.push_back({.name = name, .parser = {}, .is_time = true}); }
   /// Why a text is refused that uses what is; empty: it does not.
   std::string reason_against(const std::string& text, const std::string& where) {
     return reason_against(parse("", text, where));
@@ -81,7 +85,7 @@ template <int Dim> class Program {
   void prune() {
     std::set<std::string> needed;
     const auto need = [&](const Step& step) {
-      if (step.given) return;
+      if (step.given || step.is_time) return;
       for (const auto& entry : step.parser.GetUsedVar()) needed.insert(entry.first);
     };
     for (const Step& result : results_) need(result);
@@ -95,14 +99,19 @@ template <int Dim> class Program {
   }
   /// Whether there is a definition of that name, after those that no result needs were forgotten.
   bool has(const std::string& name) const { return std::ranges::find(steps_, name, &Step::name) != steps_.end(); }
-  bool varies() const {
-    return std::ranges::any_of(results_, [&](const Step& result) { return varies(result); });
-  }
+  /// Whether the results depend on the position.
+  bool varies() const { return std::ranges::any_of(results_, &Step::is_in_space); }
 
-  /// Puts the components at x into `values`.
-  void operator()(const Vec<Dim>& x, double* values) {
+  /// Puts the components at x and a time into `values`.
+  void operator()(const Vec<Dim>& x, double time, double* values) {
     for (int i = 0; i < Dim; ++i) at_[i] = x[i];
-    for (Step& step : steps_) step.value = step.given ? step.given(x) : step.parser.Eval();
+    const bool is_same_time = std::exchange(time_, time) == time;
+    for (Step& step : steps_) {
+      if (step.is_time)
+        step.value = time;
+      else if (step.is_in_space || !is_same_time)
+        step.value = step.given ? step.given(x) : step.parser.Eval();
+    }
     for (Step& result : results_) *values++ = result.parser.Eval();
   }
 
@@ -111,6 +120,8 @@ template <int Dim> class Program {
     std::string name;
     mu::Parser parser;         ///< either this
     ScalarField<Dim> given{};  ///< or this
+    bool is_time = false;      ///< or the time
+    bool is_in_space = false;  ///< whether it depends on the position
     double value = 0.0;
   };
 
@@ -128,7 +139,7 @@ template <int Dim> class Program {
   }
   Step parse(const std::string& name, const std::string& text, const std::string& where) {
     refuse_assignment(text, where);
-    Step step{name, {}};
+    Step step{.name = name, .parser = {}};
     try {
       step.parser.DefineConst("pi", std::numbers::pi);
       step.parser.DefineConst("e", std::numbers::e);
@@ -144,12 +155,17 @@ template <int Dim> class Program {
     if (step.parser.GetNumResults() != 1)
       throw InputError(prefixed(where, fmt::format("expression \"{}\" has {} values separated by commas, expected one",
                                                    text, step.parser.GetNumResults())));
+    for (const auto& [used, place] : step.parser.GetUsedVar()) {
+      const auto earlier = std::ranges::find(steps_, used, &Step::name);
+      step.is_in_space = step.is_in_space || earlier == steps_.end() || earlier->is_in_space;
+    }
     return step;
   }
-  static bool varies(const Step& step) { return step.given || !step.parser.GetUsedVar().empty(); }
+  static bool varies(const Step& step) { return !step.parser.GetUsedVar().empty(); }
   static double evaluate(const Step& step) { return step.parser.Eval(); }
 
   std::array<double, Dim> at_{};
+  double time_ = std::numeric_limits<double>::quiet_NaN();  // of the values that do not depend on the position
   double nothing_ = 0.0;
   std::map<std::string, double> constants_;
   std::map<std::string, std::string> refused_;  // reasons by name
@@ -167,11 +183,11 @@ template <int Dim> class Pool {
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
 
-  void evaluate(const Vec<Dim>& x, double* values) {
+  void evaluate(const Vec<Dim>& x, double time, double* values) {
     auto& slot = slots_[std::hash<std::thread::id>{}(std::this_thread::get_id()) % slots_.size()];
     std::unique_ptr<Program<Dim>> program(slot.exchange(nullptr));
     if (!program) program = make_();
-    (*program)(x, values);
+    (*program)(x, time, values);
     delete slot.exchange(program.release());
   }
 
@@ -187,6 +203,8 @@ std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const T
   for (const auto& [name, text, given, refused] : definitions) {
     if (!refused.empty())
       program->refuse(name, refused);
+    else if (text.empty() && !given)
+      program->define_time(name);
     else if (given)
       program->define(name, given);
     else
@@ -198,6 +216,36 @@ std::unique_ptr<Program<Dim>> program_of(const Definitions& definitions, const T
 }
 
 }  // namespace
+
+/// Programs by what they compute, at any time.
+template <int Dim> struct Expressions<Dim>::Compiled {
+  struct Entry {
+    std::shared_ptr<Pool<Dim>> pool{};
+    bool varies = false;  ///< with the position
+  };
+
+  template <std::size_t Size> Entry get(const std::vector<Definition>& definitions,
+                                        const std::array<std::string, Size>& texts, const std::string& where) {
+    const std::lock_guard lock(mutex);
+    Entry& entry = all[fmt::format("{}\n{}", where, fmt::join(texts, "\n"))];
+    if (!entry.pool) {
+      const auto make = [definitions, texts, where] { return program_of<Dim>(definitions, texts, where); };
+      entry.varies = make()->varies();
+      entry.pool = std::make_shared<Pool<Dim>>(make);
+    }
+    return entry;
+  }
+
+  std::mutex mutex{};
+  std::map<std::string, Entry> all{};
+};
+
+template <int Dim> Expressions<Dim>::Expressions() : compiled_(std::make_shared<Compiled>()) {}
+
+template <int Dim> void Expressions<Dim>::add(Definition definition) {
+  definitions_.push_back(std::move(definition));
+  compiled_ = std::make_shared<Compiled>();
+}
 
 template <int Dim> void Expressions<Dim>::require_free(const std::string& name, const std::string& where) const {
   static const std::regex identifier("[A-Za-z_][A-Za-z0-9_]*");
@@ -216,16 +264,22 @@ void Expressions<Dim>::define(const std::string& name, const std::string& text, 
   // What uses a name that is refused may be there for those that do not refuse it.
   const std::string why =
       program_of<Dim>(definitions_, std::array<std::string, 0>{}, where)->reason_against(text, where);
-  if (why.empty()) field(text, where);
-  definitions_.push_back({.name = name, .text = text, .refused = why});
+  if (why.empty() && !(time_ && uses("t", text, where))) field(text, where);
+  add({.name = name, .text = text, .refused = why});
 }
 template <int Dim> void Expressions<Dim>::define(const std::string& name, ScalarField<Dim> given) {
   require_free(name, {});
-  definitions_.push_back({.name = name, .given = std::move(given)});
+  add({.name = name, .given = std::move(given)});
 }
 template <int Dim> void Expressions<Dim>::at_time(double t) {
-  define("t", fmt::format("{}", t));
-  moment_ = fmt::format("t = {:.6g}", t);
+  require_free("t", {});
+  add({.name = "t"});
+  time_ = t;
+}
+template <int Dim> Expressions<Dim> Expressions<Dim>::at_another_time(double t) const {
+  Expressions result = *this;
+  result.time_ = t;
+  return result;
 }
 template <int Dim> void Expressions<Dim>::at_any_time() {
   define("t", [](const Vec<Dim>& time) { return time[0]; });
@@ -237,7 +291,7 @@ template <int Dim> void Expressions<Dim>::at_clock(std::shared_ptr<const double>
 }
 template <int Dim> void Expressions<Dim>::refuse(const std::string& name, const std::string& why) {
   require_free(name, {});
-  definitions_.push_back({.name = name, .refused = why});
+  add({.name = name, .refused = why});
 }
 
 template <int Dim> ScalarField<Dim> Expressions<Dim>::field(const std::string& text, const std::string& where) const {
@@ -257,9 +311,8 @@ template <int Dim> template <std::size_t Size>
 std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)> Expressions<Dim>::fields(
     const std::array<std::string, Size>& texts, const std::string& where) const {
   using Values = Eigen::Matrix<double, static_cast<int>(Size), 1>;
-  const auto make = [definitions = definitions_, texts, where] { return program_of<Dim>(definitions, texts, where); };
-  const auto check = [texts, where, moment = moment_, runs = runs_, clock = clock_](const Values& values,
-                                                                                    const Vec<Dim>* x) {
+  const auto check = [texts, where, time = time_, runs = runs_, clock = clock_](const Values& values,
+                                                                                const Vec<Dim>* x) {
     for (std::size_t k = 0; k < Size; ++k) {
       const double value = values[static_cast<int>(k)];
       if (std::isfinite(value)) continue;
@@ -268,23 +321,24 @@ std::function<Eigen::Matrix<double, static_cast<int>(Size), 1>(const Vec<Dim>&)>
         at.push_back(fmt::format("t = {:.6g}", (*x)[0]));
       else if (x)
         at.push_back(fmt::format("({})", fmt::join(*x, ", ")));
-      if (!moment.empty()) at.push_back(moment);
+      if (time) at.push_back(fmt::format("t = {:.6g}", *time));
       if (clock) at.push_back(fmt::format("t = {:.6g}", *clock));
       throw InputError(prefixed(where, fmt::format("expression \"{}\" is {}{}{}, expected a finite number", texts[k],
                                                    std::isnan(value) ? std::abs(value) : value,
                                                    at.empty() ? "" : " at ", fmt::join(at, ", "))));
     }
   };
-  const auto program = make();
-  if (!program->varies()) {
+  const auto [pool, varies] = compiled_->get(definitions_, texts, where);
+  const double time = time_.value_or(0.0);
+  if (!varies) {
     Values values;
-    (*program)(Vec<Dim>::Zero(), values.data());
+    pool->evaluate(Vec<Dim>::Zero(), time, values.data());
     check(values, nullptr);
     return [values](const Vec<Dim>&) { return values; };
   }
-  return [pool = std::make_shared<Pool<Dim>>(make), check](const Vec<Dim>& x) {
+  return [pool = pool, time, check](const Vec<Dim>& x) {
     Values values;
-    pool->evaluate(x, values.data());
+    pool->evaluate(x, time, values.data());
     check(values, &x);
     return values;
   };

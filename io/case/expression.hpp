@@ -6,6 +6,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ namespace efree {
 /// called from several threads at once.
 template <int Dim> class Expressions {
  public:
+  Expressions();
   /// Gives a name to an expression that later ones may use; it may depend on position and on names defined before.
   /// `where` begins every message about it. Throws InputError for a name that is taken or no identifier, and as
   /// field().
@@ -25,6 +27,8 @@ template <int Dim> class Expressions {
   void define(const std::string& name, ScalarField<Dim> given);
   /// Calls a time t, which messages about values that are not finite then name. Throws InputError if t is taken.
   void at_time(double t);
+  /// The same, after at_time(), at another one; what has been compiled is shared.
+  Expressions at_another_time(double t) const;
   /// Calls the first coordinate of where fields are asked for the time t; messages then say that instead of a point.
   void at_any_time();
   /// The time t is what the clock says when a field is asked; messages say it.
@@ -48,17 +52,20 @@ template <int Dim> class Expressions {
       const std::array<std::string, Size>& texts, const std::string& where = {}) const;
 
  private:
-  /// One of text, given and refused.
+  /// One of text, given and refused; the time has none.
   struct Definition {
     std::string name, text{};
     ScalarField<Dim> given{};
     std::string refused{};
   };
+  struct Compiled;
+  void add(Definition definition);
   void require_free(const std::string& name, const std::string& where) const;
 
   std::vector<Definition> definitions_;
-  std::string moment_;  ///< "t = 0.5"; empty without a time
-  bool runs_ = false;   ///< points are times
+  std::shared_ptr<Compiled> compiled_;  ///< with these definitions; shared by copies
+  std::optional<double> time_{};
+  bool runs_ = false;  ///< points are times
   std::shared_ptr<const double> clock_{};
 };
 

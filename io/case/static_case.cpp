@@ -294,6 +294,8 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
   result.path.end = section.number("end", positive, 1.0);
   const Interval up_to_end{0.0, result.path.end, false, true};
   if (section.has("step")) result.path.step = section.number("step", up_to_end);
+  if (section.has("max_step") && !section.has("step"))
+    result.path.step = std::min(result.path.first_step(), section.number("max_step", positive));
   const double first = result.path.first_step();
   if (section.has("min_step")) result.path.min_step = section.number("min_step", {0.0, first, false, true});
   if (section.has("max_step")) result.path.max_step = section.number("max_step", {first, Interval::infinity, true});
@@ -316,13 +318,14 @@ TimeSettings<Dim> read_time(const Section& root, const std::shared_ptr<const tom
         entry.fail(key, fmt::format("{} depends on t, and springs do not change with time", key));
   const auto mentioned = [&](const char* key) { return table->contains(key) && names.in(*table->get(key)); };
   if (!mentioned("boundary") && !mentioned("analysis")) return result;
-  result.acting = [table, file = of.common.where, plane = of.common.model.plane, grey = of.geometry.grey](double time) {
+  result.acting = [table, file = of.common.where, plane = of.common.model.plane,
+                   expressions = read_definitions<Dim>(root, of.geometry.grey, {0.0})](double time) {
     const Section all(*table, "", file, {});
     Case<Dim> then;
     then.common.where = file;
     then.common.model.plane = plane;
     PlaceReader<Dim> places(then.common);
-    read_acting(all, read_definitions<Dim>(all, grey, {time}), places, then);
+    read_acting(all, expressions.at_another_time(time), places, then);
     return Acting<Dim>{std::move(then.supports), std::move(then.loads)};
   };
   return result;

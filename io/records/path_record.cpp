@@ -45,13 +45,13 @@ static auto fields(PathPoint& at) {  // no aggregate: a member that is added has
                         std::tie(at.steps, at.next, at.per_time, at.began, at.lasted, at.came_by, at.remembered));
 }
 template <int Dim> static auto fields(Checkpoint<Dim>& there) {
-  auto& [at, history, body, linear_checks, agreed, scale, mode] = there;
-  return std::tie(at, history, body, linear_checks, agreed, scale, mode);
+  auto& [at, history, body, linear_checks, agreed, scale, elastic_range, mode] = there;
+  return std::tie(at, history, body, linear_checks, agreed, scale, elastic_range, mode);
 }
 
 namespace {
 
-constexpr std::string_view path_state_kind = "efree path 5\n";
+constexpr std::string_view path_state_kind = "efree path 6\n";
 constexpr const char *path_state_name = "path.state", *path_history_name = "history.csv", *series_name = "fields.pvd";
 
 /// Whether where the path is, and all it says of its steps, are numbers.
@@ -114,8 +114,8 @@ template <int Dim> Checkpoint<Dim> read_checkpoint(const fs::path& file, CaseMar
   if (sealed.of.how != of.how) there.at.next = 0.0;
   if (sealed.of.how != of.how && there.agreed) there.agreed->next = 0.0;
   const int steps = there.at.steps;
-  if (!unpack.empty() || !is_finite(there) || !(there.scale > 0.0) || there.history.empty() ||
-      static_cast<int>(there.history.size()) != steps ||
+  if (!unpack.empty() || !is_finite(there) || !(there.scale > 0.0) || !(there.elastic_range > 0.0) ||
+      there.history.empty() || static_cast<int>(there.history.size()) != steps ||
       (there.agreed && (there.agreed->steps < 0 || there.agreed->steps > steps)))
     internal::is_damaged(file);
   return there;

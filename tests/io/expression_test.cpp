@@ -94,6 +94,32 @@ TEST(Expression, RefusesValuesThatAreNotFinite) {
   EXPECT_NE(complaint([&] { expressions.field("0/0"); }).find("expected a finite number"), std::string::npos);
 }
 
+TEST(Expression, FieldsOfSeveralTimesAreThereAtOnce) {
+  Expressions<2> expressions;
+  expressions.define("half", "0.5");
+  expressions.at_time(0.0);
+  expressions.define("inverse", "half/t", "case:2");  // has no value at the time at which it is defined
+  expressions.define("wave", "x + inverse");
+  const auto at = [&](double time) { return expressions.at_another_time(time).field("wave + t", "case:3"); };
+  const auto early = at(2.0), late = at(4.0);
+  for (int k = 0; k < 2; ++k) {
+    EXPECT_DOUBLE_EQ(early(Vec<2>(1, k)), 1.0 + 0.25 + 2.0);
+    EXPECT_DOUBLE_EQ(late(Vec<2>(1, k)), 1.0 + 0.125 + 4.0);
+  }
+  EXPECT_DOUBLE_EQ(expressions.at_another_time(8.0).field("2*inverse")(Vec<2>::Zero()), 0.125);
+  EXPECT_FALSE(expressions.varies("inverse")) << "it is the same everywhere";
+  EXPECT_TRUE(expressions.uses("t", "wave"));
+  EXPECT_FALSE(expressions.uses("t", "half"));
+  EXPECT_EQ(complaint([&] { expressions.field("inverse", "case:4"); }),
+            "case:4: expression \"inverse\" is inf at t = 0, expected a finite number");
+  EXPECT_EQ(complaint([&] { expressions.field("wave", "case:4")(Vec<2>(1, 0.5)); }),
+            "case:4: expression \"wave\" is inf at (1, 0.5), t = 0, expected a finite number");
+  // What is defined later is not what was compiled before.
+  Expressions<2> other = expressions.at_another_time(2.0);
+  other.define("more", "1");
+  EXPECT_DOUBLE_EQ(other.field("wave + more")(Vec<2>(1, 0)), 2.25);
+}
+
 TEST(Expression, ThreadsDoNotDisturbEachOther) {
   Expressions<2> expressions;
   expressions.define("s", "x + 2*y");

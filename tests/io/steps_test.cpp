@@ -152,6 +152,14 @@ TEST(Steps, AMaterialThatIsNotLinearNeedsNoTimeToBeSaid) {
   EXPECT_NEAR(history(work / "out/history.csv").at("reaction.right.x").back(), pull(1.8), 1e-8);
 }
 
+TEST(Steps, ALargestStepAloneIsTheFirstToo) {
+  const Workspace work(replaced(rubber, "step = 0.25", "max_step = 0.01"));
+  ASSERT_EQ(work.efree({"solve", "case.toml", "--out", "out", "--no-picture"}).status, 0);
+  const auto times = history(work / "out/history.csv").at("t");
+  EXPECT_EQ(times.size(), 100u);
+  EXPECT_NEAR(times.front(), 0.01, 1e-12);
+}
+
 TEST(Steps, LinearMaterialsFollowLoadsThatComeAndGo) {
   const std::string elastic = replaced(rubber, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3", "E = 1\nnu = 0.3");
   const Workspace work(

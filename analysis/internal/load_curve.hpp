@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// What acts on a body by time, as one curve.
+#pragma once
+
+#include "efree/analysis/prepare.hpp"
+
+#include <string>
+#include <vector>
+
+namespace efree::internal {
+
+/// How far a curve is from a straight line, in units of what loads are over.
+struct Deviation {
+  double distance = 0.0;
+  std::string on;  ///< the part on which that load acts
+};
+
+/// The curve whose coordinates are the values of all loads and prescribed displacements at some vertices of the mesh,
+/// each over the largest value that it has there on the way. It is sampled at even times, ever closer until the
+/// straight lines between them leave it by no more than a tolerance. It ends early where an expression has no value, or
+/// where loads come or go.
+template <int Dim> class LoadCurve {
+ public:
+  /// settings: of a path whose loads change with time; `least`: samples.
+  LoadCurve(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, int least, double tolerance);
+
+  /// Whether the tolerance was reached.
+  bool is_followed() const { return is_followed_; }
+  /// Whether it is displacements that change, too.
+  bool moves_supports() const { return moves_supports_; }
+  /// The largest distance of values between two times from the straight line between the values at these. How fast it
+  /// is followed does not matter.
+  Deviation deviation(double from, double to) const;
+  /// The largest change of a value.
+  double change(double from, double to) const;
+  /// Times of extremes, but for swings smaller than `ripple`, and of kinks, ascending.
+  std::vector<double> turns(double ripple) const;
+
+ private:
+  struct Load {
+    std::string on;
+    Index first, count;  ///< of its values in a sample
+    bool is_displacement;
+  };
+  std::vector<Load> loads_at(double time, Vector& values) const;
+  Vector sample(double time) const;
+  Vector at(double time) const;
+  Deviation deviation(const Vector& value, const Vector& from, const Vector& to) const;
+  Index count_bad_intervals(double tolerance) const;
+  double exact(Index value, double interval) const;
+  void double_samples();
+  void find_scales();
+
+  const Settings<Dim>& settings_;
+  double end_;
+  Points<Dim> vertices_;
+  std::vector<Load> loads_;
+  Vector scales_;                ///< by value, one over the largest of its load; 0 if that is zero
+  std::vector<Vector> samples_;  ///< at even times from 0 on
+  Index intervals_;              ///< of these up to the end, were the curve not to end before
+  bool is_followed_ = false, moves_supports_ = false;
+};
+
+}  // namespace efree::internal
