@@ -161,10 +161,13 @@ template <int Dim> Vector LoadCurve<Dim>::sample(double time) const {
   return are_alike ? values : Vector();
 }
 
+/// The values at a time, straight between samples where they are not known.
 template <int Dim> Vector LoadCurve<Dim>::at(double time) const {
-  const double x = std::clamp(time / end_ * intervals_, 0.0, static_cast<double>(std::ssize(samples_) - 1));
-  const auto before = std::min(static_cast<Index>(x), static_cast<Index>(std::ssize(samples_) - 1));
-  const Index after = std::min(before + 1, static_cast<Index>(std::ssize(samples_) - 1));
+  Vector values = sample(time);
+  if (values.size() == scales_.size()) return values;
+  const auto last = static_cast<Index>(std::ssize(samples_) - 1);
+  const double x = std::clamp(time / end_ * intervals_, 0.0, static_cast<double>(last));
+  const Index before = std::min(static_cast<Index>(x), last), after = std::min(before + 1, last);
   return samples_[before] + (x - before) * (samples_[after] - samples_[before]);
 }
 
@@ -228,12 +231,6 @@ template <int Dim> void LoadCurve<Dim>::find_scales() {
   }
 }
 
-/// A value between samples; that of the sample before where it is not known.
-template <int Dim> double LoadCurve<Dim>::exact(Index value, double interval) const {
-  const Vector there = sample(end_ * interval / intervals_);
-  return scales_[value] * (there.size() == scales_.size() ? there : samples_[static_cast<Index>(interval)])[value];
-}
-
 template <int Dim> std::vector<double> LoadCurve<Dim>::turns(double ripple) const {
   std::vector<double> all;
   std::set<std::vector<double>> seen;  // a load may be the same at all vertices
@@ -242,7 +239,7 @@ template <int Dim> std::vector<double> LoadCurve<Dim>::turns(double ripple) cons
     std::vector<double> value(samples_.size());
     std::ranges::transform(samples_, value.begin(), [&](const Vector& sample) { return scales_[k] * sample[k]; });
     if (const auto& [place, is_new] = seen.insert(std::move(value)); is_new)
-      for (const double x : turns_of(*place, ripple, [&](double interval) { return exact(k, interval); }))
+      for (const double x : turns_of(*place, ripple, [&](double interval) { return value_at(k, interval); }))
         all.push_back(x);
   }
   std::ranges::sort(all);
@@ -252,6 +249,37 @@ template <int Dim> std::vector<double> LoadCurve<Dim>::turns(double ripple) cons
     if (times.empty() || time > times.back() + 0.5 * end_ / intervals_) times.push_back(time);
   }
   return times;
+}
+
+template <int Dim> std::vector<std::pair<double, double>> LoadCurve<Dim>::jumps(double ripple) const {
+  constexpr double beyond = 10.0;  // over the changes before and after
+  constexpr double width = 1e-9;   // of the way
+  const auto change = [&](Index j) {
+    return j >= 0 && j + 1 < std::ssize(samples_)
+               ? scales_.cwiseProduct(samples_[j + 1] - samples_[j]).cwiseAbs().maxCoeff()
+               : 0.0;
+  };
+  std::vector<std::pair<double, double>> result;
+  for (Index j = 0; j + 1 < std::ssize(samples_) && scales_.size() > 0; ++j) {
+    const double whole = change(j);
+    if (whole < ripple || whole < beyond * std::max(change(j - 1), change(j + 1))) continue;
+    double from = end_ * j / intervals_, to = end_ * (j + 1) / intervals_;
+    Vector before = samples_[j], after = samples_[j + 1];
+    while (to - from > width * end_) {
+      const double middle = 0.5 * (from + to);
+      Vector there = at(middle);
+      const bool is_before = scales_.cwiseProduct(there - before).norm() < scales_.cwiseProduct(there - after).norm();
+      (is_before ? from : to) = middle;
+      (is_before ? before : after) = std::move(there);
+    }
+    if (scales_.cwiseProduct(after - before).cwiseAbs().maxCoeff() > 0.5 * whole) result.emplace_back(from, to);
+  }
+  return result;
+}
+
+/// A value at a multiple of intervals, over the largest of its load.
+template <int Dim> double LoadCurve<Dim>::value_at(Index value, double intervals) const {
+  return scales_[value] * at(end_ * intervals / intervals_)[value];
 }
 
 template class LoadCurve<2>;

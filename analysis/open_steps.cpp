@@ -10,24 +10,32 @@
 namespace efree::internal {
 namespace {
 
-/// What errors by the size of steps are to become where these are made smaller, and the least part of what steps are by
-/// default.
-constexpr double aimed_error_of_steps = 0.8 * bearable_error_of_steps, least_scale = 1.0 / 64.0;
+/// What errors by the size of steps are to become where these are made smaller, how many steps that may take, and the
+/// factor of steps below which it is worth another path.
+constexpr double aimed_error_of_steps = 0.8 * bearable_error_of_steps, most_steps = 1000.0, worth_it = 0.8;
+
+template <int Dim> double longest_step(const Result<Dim>& result) {
+  double longest = 0.0, before = 0.0;
+  for (const auto& step : result.history) longest = std::max(longest, step.time - std::exchange(before, step.time));
+  return longest;
+}
 
 }  // namespace
 
 template <int Dim> SmallerSteps smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result) {
-  const PathOptions path = settings.time ? settings.time->path : PathOptions();
-  const double least = std::max(least_scale / path.scale, path.min_step / path.first_step());
-  if (path.gives_steps() || result.history.empty() || !settings.estimated || least >= 1.0) return {};
-  const double range = settings.time ? settings.time->elastic_range : 1.0;
-  if (const double smaller = smaller_elastic_range(settings, result); smaller < range)
-    return {1.0, smaller,
-            fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * smaller)};
+  const TimeSettings<Dim> time = settings.time ? *settings.time : TimeSettings<Dim>();
+  const PathOptions& path = time.path;
+  if (path.gives_steps() || result.history.empty() || !settings.estimated) return {};
+  if (const double range = smaller_elastic_range(settings, result); range < time.elastic_range)
+    return {1.0, range,
+            fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * range)};
   const auto& errors = result.path_errors;
   if (!errors || errors->steps <= bearable_error_of_steps || errors->largest().first <= bearable_error_of_path)
     return {};
-  return {std::max(aimed_error_of_steps / errors->steps, least), range,
+  const double longest = longest_step(result), steps = static_cast<double>(result.history.size());
+  const double factor = std::max({aimed_error_of_steps / errors->steps, steps / most_steps, path.min_step / longest});
+  if (factor >= worth_it) return {};
+  return {factor * longest / path.largest_step(), time.elastic_range,
           fmt::format("errors by their size are {:.2g} %", 100.0 * errors->steps)};
 }
 

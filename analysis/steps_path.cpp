@@ -215,19 +215,12 @@ template <int Dim> class Walk {
 
   /// Stops where a coarser path has steps, and where loads turn.
   void add_stops() {
-    constexpr double same = 1e-4;  // of the way
     std::vector<double>& stops = path_.stops;
     if (settings_.steps.coarser) {
       const std::vector<double> times = times_of(*settings_.steps.coarser);
       stops.insert(stops.end(), times.begin(), times.end());
     }
-    const std::size_t others = stops.size();
-    for (const double turn : turning_times(settings_, mesh()))
-      if (std::none_of(stops.begin(), stops.begin() + others,
-                       [&](double stop) { return std::abs(stop - turn) < same * path_.end; }))
-        stops.push_back(turn);
-    std::ranges::sort(stops);
-    stops.erase(std::unique(stops.begin(), stops.end()), stops.end());
+    stops = stops_at_turns(settings_, mesh(), std::move(stops));
   }
 
   void note_steps() {

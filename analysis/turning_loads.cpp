@@ -50,7 +50,7 @@ template <int Dim> std::vector<double> nearly_straight(const LoadCurve<Dim>& cur
   bool is_cut = false;
   auto stop = stops.begin();
   for (double from = 0.0, longest = largest; from < end * (1.0 - 1e-9);) {
-    while (stop != stops.end() && *stop <= from + 1e-3 * least) ++stop;
+    while (stop != stops.end() && *stop <= from) ++stop;
     double to = std::min({from + longest, end, stop != stops.end() ? *stop : end});
     while (to - from > least && curve.deviation(from, to).distance > bearable) {
       to = 0.5 * (from + to);
@@ -113,16 +113,23 @@ template <int Dim> Followed follow(const Settings<Dim>& settings, const Result<D
 
 }  // namespace
 
-template <int Dim> std::vector<double> turning_times(const Settings<Dim>& settings, const FineMesh<Dim>& mesh) {
-  if (!may_turn(settings)) return {};
+template <int Dim> std::vector<double> stops_at_turns(const Settings<Dim>& settings, const FineMesh<Dim>& mesh,
+                                                      std::vector<double> stops) {
+  constexpr double same = 1e-4;  // of the way
+  std::ranges::sort(stops);
+  if (!may_turn(settings)) return stops;
   const TimeSettings<Dim>& time = *settings.time;
-  const double bearable = bearable_deviation(time.elastic_range);
+  const double bearable = bearable_deviation(time.elastic_range), least_swing = std::min(ripple, 0.2 * bearable);
   const LoadCurve<Dim> curve = curve_of(settings, mesh, time.elastic_range);
-  std::vector<double> turns = curve.turns(std::min(ripple, 0.2 * bearable));
-  if (time.path.gives_steps()) return turns;
-  turns.insert(turns.end(), time.path.stops.begin(), time.path.stops.end());
-  std::ranges::sort(turns);
-  return nearly_straight(curve, time.path, bearable, std::move(turns));
+  std::vector<double> all = stops;
+  for (const double turn : curve.turns(least_swing)) {
+    const auto next = std::ranges::lower_bound(stops, turn - same * time.path.end);
+    if (next == stops.end() || *next > turn + same * time.path.end) all.push_back(turn);
+  }
+  for (const auto& [before, after] : curve.jumps(least_swing)) all.insert(all.end(), {before, after});
+  std::ranges::sort(all);
+  all.erase(std::unique(all.begin(), all.end()), all.end());
+  return time.path.gives_steps() ? all : nearly_straight(curve, time.path, bearable, std::move(all));
 }
 
 template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result) {
@@ -148,8 +155,8 @@ template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Res
         "and materials flow; compare two sizes of steps ([time] max_step)");
 }
 
-template std::vector<double> turning_times<2>(const Settings<2>&, const FineMesh<2>&);
-template std::vector<double> turning_times<3>(const Settings<3>&, const FineMesh<3>&);
+template std::vector<double> stops_at_turns<2>(const Settings<2>&, const FineMesh<2>&, std::vector<double>);
+template std::vector<double> stops_at_turns<3>(const Settings<3>&, const FineMesh<3>&, std::vector<double>);
 template double smaller_elastic_range<2>(const Settings<2>&, const Result<2>&);
 template double smaller_elastic_range<3>(const Settings<3>&, const Result<3>&);
 template void warn_of_turning_loads<2>(const Settings<2>&, Result<2>&);

@@ -5,6 +5,7 @@
 #include "efree/analysis/prepare.hpp"
 
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace efree::internal {
@@ -35,6 +36,8 @@ template <int Dim> class LoadCurve {
   double change(double from, double to) const;
   /// Times of extremes, but for swings smaller than `ripple`, and of kinks, ascending.
   std::vector<double> turns(double ripple) const;
+  /// Times before and after jumps larger than that, a billionth of the way apart.
+  std::vector<std::pair<double, double>> jumps(double ripple) const;
 
  private:
   struct Load {
@@ -47,7 +50,7 @@ template <int Dim> class LoadCurve {
   Vector at(double time) const;
   Deviation deviation(const Vector& value, const Vector& from, const Vector& to) const;
   Index count_bad_intervals(double tolerance) const;
-  double exact(Index value, double interval) const;
+  double value_at(Index value, double intervals) const;
   void double_samples();
   void find_scales();
 

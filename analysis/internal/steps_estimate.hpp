@@ -70,10 +70,11 @@ template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const
 /// A warning where loads leave the straight line between two steps of a path of materials that flow: neither the path
 /// nor estimates of its errors see what they do there.
 template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);
-/// Times at which steps are to end, ascending: where what acts on a body that flows has extremes or kinks, as a step
-/// that passes over one misses what the body dissipates up to it, and, where the settings leave steps open, so that
-/// loads hardly leave the straight line between them (LoadCurve).
-template <int Dim> std::vector<double> turning_times(const Settings<Dim>& settings, const FineMesh<Dim>& mesh);
+/// Times at which steps are to end, ascending: these stops; where what acts on a body that flows has extremes or kinks,
+/// as a step that passes over one misses what the body dissipates up to it; before and after jumps; and, where the
+/// settings leave steps open, so that loads hardly leave the straight line between them (LoadCurve).
+template <int Dim>
+std::vector<double> stops_at_turns(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std::vector<double> stops);
 /// TimeSettings::elastic_range of a path, if it is smaller than in its settings and steps are too large for it; else
 /// that.
 template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result);

@@ -146,7 +146,7 @@ TEST(OpenSteps, EncloseAJumpBesideAnotherLoad) {
     Settings<2> settings = moved_square([&](double time) { return Vec<2>(beside ? 0.01 * time : 0.0, jumps(time)); });
     settings.common.approximation.spacing = 0.4;
     const Result<2> result = analyse(mesh, settings);
-    EXPECT_LT(result.history.size(), 40u) << "no steps are small enough";
+    EXPECT_LT(result.history.size(), 25u) << "no steps are small enough";
     EXPECT_THAT(result.warnings, Not(Contains(HasSubstr("turn"))));
     const Result<2> truth = with_small_steps(mesh, settings, result);
     EXPECT_LT(off_in_force(result, truth), 0.03);
