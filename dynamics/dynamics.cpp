@@ -262,6 +262,7 @@ template <int Dim> void Dynamics<Dim>::come_to_rest(double residual, Index most_
   for (Index a = 0; a < num_nodes(); ++a) velocities.col(a) = rotation_velocity<Dim>(spin, world.nodes.x.col(a));
   world.frame_spin.setZero();
   world.ledger = Ledger();
+  world.contacts = {};
   parts_->begin_ledger();
   assemble_internal_forces(world, *parts_->scheme);
   parts_->add_external_forces();

@@ -380,6 +380,8 @@ template <int Dim> double RigidContact<Dim>::resting_energy(const World<Dim>& wo
 template <int Dim> void RigidContact<Dim>::begin_motions(const World<Dim>& world) {
   for (Rigid& rigid : rigids_) {
     begin_motion(world, rigid.body, world.time, rigid.now);
+    rigid.now.impulse.setZero();
+    rigid.now.work = 0.0;
     rigid.before = rigid.now;
   }
 }

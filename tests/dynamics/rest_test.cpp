@@ -139,6 +139,23 @@ TEST(Rest, ACloudRestsOnARoughWall) {
   }
 }
 
+TEST(Rest, ImpulsesOfContactBeginAfterAStaticStart) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.25});
+  Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>());
+  dynamics.add_rigid_body({.shape = rigid_shapes::half_space<2>({0.0, 1.0}, -0.01)});
+  dynamics.set_gravity({0.0, -10.0});
+  dynamics.come_to_rest(1e-8, 100000);
+  EXPECT_TRUE(dynamics.contacts().empty());
+  EXPECT_EQ(dynamics.rigid_bodies()[0].impulse, Vec<2>(Vec<2>::Zero()));
+  EXPECT_EQ(dynamics.rigid_bodies()[0].work, 0.0);
+  dynamics.run(1.0);
+  // The velocities, and so the impulses, are those of half a step ago.
+  const double weight = 10.0 * dynamics.masses().sum(), time = 1.0 - 0.5 * dynamics.world().last_step;
+  ASSERT_EQ(dynamics.contacts().size(), 1u);
+  EXPECT_NEAR(dynamics.contacts()[0].impulse[1], weight * time, 1e-4 * weight);
+  EXPECT_NEAR(dynamics.rigid_bodies()[0].impulse[1], -weight * time, 1e-4 * weight);
+}
+
 TEST(Rest, DampingByMassHasItsTerminalVelocity) {
   const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.5});
   Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>(), {.damping = 2.0});

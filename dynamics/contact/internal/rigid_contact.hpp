@@ -18,7 +18,7 @@ template <int Dim> class RigidContact : public Interaction<Dim> {
   explicit RigidContact(const Scheme<Dim>& scheme) : scheme_(scheme) {}
   /// Throws InputError for numbers that make no sense, and for a mass where bodies have surface points.
   void add(const World<Dim>& world, const RigidBody<Dim>& body, bool is_wall);
-  /// All have their velocities of the start again, where they are.
+  /// All have their velocities of the start again, where they are, and no impulses and work.
   void begin_motions(const World<Dim>& world);
   /// Force of the bodies on each wall in the last step, in the order they were added.
   Points<Dim> wall_forces() const;
