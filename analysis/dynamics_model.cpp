@@ -558,7 +558,7 @@ template <int Dim> DynamicsModel<Dim> build_dynamics_model(const PreparedMesh<Di
   set_up_probes(settings, model);
   check_times(settings, model.dynamics.stable_step());
   internal::report_start(settings, model);
-  internal::come_to_rest(settings, monitor, model);
+  internal::come_to_rest(settings, built.regions, monitor, model);
   return model;
 }
 

@@ -15,6 +15,9 @@ namespace {
 
 /// Depth over the spacing up to which nodes of an earlier run may be inside rigid bodies.
 constexpr double allowed_depth = 0.05;
+/// Displacement of a body as a whole before the run, over the spacing, up to which there is no warning: it closes the
+/// gaps that chords of curved surfaces leave.
+constexpr double allowed_displacement = 0.05;
 
 /// Vertices that are not nodes go with the displacement of these.
 template <int Dim>
@@ -79,6 +82,73 @@ template <int Dim> void report_stresses(const DynamicsSettings<Dim>& settings, D
         "Bodies move at the start: the given stresses and loads are not in equilibrium, {:.2g} of the forces is "
         "not balanced. Check signs and supports, or add static = true to [start]",
         imbalance));
+}
+
+/// 1 along axes in which neither supports nor springs hold the body as a whole, else 0.
+template <int Dim> Vec<Dim> free_axes(const DynamicsSettings<Dim>& settings, const World<Dim>& world, Index body,
+                                      const RegionBody<Dim>& region) {
+  Vec<Dim> free = Vec<Dim>::Ones();
+  if (is_axisymmetric(settings)) free[0] = 0.0;
+  for (const auto& one : world.prescribed)
+    if (world.nodes.body[one.node] == body) free[one.axis] = 0.0;
+  for (const auto& [on, load, force, where] : settings.boundary_loads)
+    if (region.surfaces.contains(on)) free = (load.stiffness.array() > 0.0).select(Vec<Dim>::Zero(), free);
+  return free;
+}
+
+/// The partner whose contact acts most against a direction on a body; none: no contact does.
+template <int Dim> std::optional<ContactPartner> partner_against(const std::vector<ContactImpulse<Dim>>& contacts,
+                                                                 const ContactPartner& body, const Vec<Dim>& along) {
+  std::optional<ContactPartner> result;
+  double most = 0.0;
+  for (const auto& [first, second, impulse, angular_impulse] : contacts) {
+    if (first != body && second != body) continue;
+    const double against = (first == body ? -1.0 : 1.0) * along.dot(impulse);
+    if (!(against > most)) continue;
+    most = against;
+    result = first == body ? second : first;
+  }
+  return result;
+}
+
+std::string partner_name(const ContactPartner& partner, const std::vector<std::string>& bodies) {
+  using enum ContactPartner::Kind;
+  if (partner.kind == body) return body_name(bodies[static_cast<std::size_t>(partner.number)], bodies.size());
+  return fmt::format("{}.{}", partner.kind == wall ? "wall" : "rigid_body", partner.number);
+}
+
+/// Warns of bodies that contact alone holds, but not where they were. Such a body has moved as a whole: all of its
+/// points further than any of the partner, which may be deformed by it. start: points before the bodies came to rest;
+/// contacts: impulses since then.
+template <int Dim>
+void report_rigid_displacements(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
+                                const Points<Dim>& start, const std::vector<ContactImpulse<Dim>>& contacts,
+                                DynamicsModel<Dim>& model) {
+  const Dynamics<Dim>& dynamics = model.dynamics;
+  const World<Dim>& world = dynamics.world();
+  if (dynamics.num_points() != start.cols()) return;  // inserted or merged: which is which is not known
+  const Points<Dim> moved = dynamics.points() - start;
+  const auto moved_along = [&](const Vec<Dim>& along, Index b) {
+    const Index first = dynamics.first_point(b);
+    return Vector(moved.middleCols(first, dynamics.first_point(b + 1) - first).transpose() * along);
+  };
+  for (Index b = 0; b < dynamics.num_bodies(); ++b) {
+    Vec<Dim> along = free_axes(settings, world, b, regions[static_cast<std::size_t>(b)]);
+    for (int i = 0; i < Dim; ++i) along[i] *= moved_along(Vec<Dim>::Unit(i), b).mean();
+    along.normalize();
+    const auto partner = partner_against(contacts, body_partner(b), along);
+    if (!partner) continue;
+    double distance = moved_along(along, b).minCoeff();
+    if (partner->kind == ContactPartner::Kind::body) distance -= moved_along(along, partner->number).maxCoeff();
+    const Index first = dynamics.first_node(b), count = dynamics.first_node(b + 1) - first;
+    if (!(distance > allowed_displacement * world.nodes.spacing.segment(first, count).minCoeff())) continue;
+    model.warnings.push_back(fmt::format(
+        "Positions at the start are not those of the geometry: before the run {} moved as a whole by {:.3g}, until "
+        "contact with {} held it, as nothing else does. Close gaps, hold the body by a [[boundary]] or friction, or "
+        "leave out [start] if it is to fall or slide",
+        body_name(model.names[static_cast<std::size_t>(b)], model.names.size()), distance,
+        partner_name(*partner, model.names)));
+  }
 }
 
 }  // namespace
@@ -147,8 +217,8 @@ template <int Dim> void report_start(const DynamicsSettings<Dim>& settings, Dyna
   report_stresses(settings, model);
 }
 
-template <int Dim>
-void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor, DynamicsModel<Dim>& model) {
+template <int Dim> void come_to_rest(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
+                                     const Monitor& monitor, DynamicsModel<Dim>& model) {
   if (!settings.static_start) return;
   const Stage stage("rest", monitor);
   Dynamics<Dim>& dynamics = model.dynamics;
@@ -157,7 +227,8 @@ void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor,
     throw InputError(said_at(where,
                              "a start from rest needs nodes that stay with the material: take dynamics.method = "
                              "\"otm\", or a [cloud], or mpm.frame = \"total\""));
-  const Points<Dim> initial = dynamics.velocities();
+  const Points<Dim> initial = dynamics.velocities(), start = dynamics.points();
+  std::vector<ContactImpulse<Dim>> contacts;
   const Stopwatch seconds;
   double first = 0.0;
   const auto look = [&, wanted = residual](double left) {
@@ -168,12 +239,20 @@ void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor,
                       "{:.3g}, expected {:.3g}",
                       settings.time_limit, left, wanted));
     if (!std::isfinite(left)) return;
+    contacts = dynamics.contacts();
     if (first == 0.0) first = left;
     stage.tick(std::clamp(std::log(left / first) / std::log(wanted / first), 0.0, 1.0));
     if (monitor.detail) monitor.detail(fmt::format("residual {:.2g} of {:.2g}", left, wanted));
   };
   located(settings.common, where, [&] { dynamics.come_to_rest(residual, most_steps, spin, look); });
-  dynamics.set_velocities(initial + dynamics.velocities());
+  if (!settings.initial_velocities.empty()) {
+    if (initial.cols() != dynamics.num_nodes())
+      throw InputError(said_at(where,
+                               "initial velocities need the nodes of the geometry, and nodes were inserted or merged "
+                               "until bodies were at rest: leave out [[velocity]], or otm.insertion"));
+    dynamics.set_velocities(initial + dynamics.velocities());
+  }
+  report_rigid_displacements(settings, regions, start, contacts, model);
 }
 
 #define EFREE_INSTANTIATE(Dim)                                                                                      \
@@ -181,7 +260,8 @@ void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor,
   template void set_initial_stresses(const DynamicsSettings<Dim>&, DynamicsModel<Dim>&);                            \
   template double allowed_gap(const DynamicsSettings<Dim>&, const DynamicsModel<Dim>&);                             \
   template void report_start(const DynamicsSettings<Dim>&, DynamicsModel<Dim>&);                                    \
-  template void come_to_rest(const DynamicsSettings<Dim>&, const Monitor&, DynamicsModel<Dim>&);
+  template void come_to_rest(const DynamicsSettings<Dim>&, const std::vector<RegionBody<Dim>>&, const Monitor&,     \
+                             DynamicsModel<Dim>&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)
 #undef EFREE_INSTANTIATE

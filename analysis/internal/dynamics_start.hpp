@@ -19,8 +19,9 @@ template <int Dim> void set_initial_stresses(const DynamicsSettings<Dim>& settin
 template <int Dim> double allowed_gap(const DynamicsSettings<Dim>& settings, const DynamicsModel<Dim>& model);
 /// Remarks and warnings of added masses and of given stresses, after loads were added.
 template <int Dim> void report_start(const DynamicsSettings<Dim>& settings, DynamicsModel<Dim>& model);
-/// DynamicsSettings::static_start. Initial velocities then begin on top of it.
-template <int Dim>
-void come_to_rest(const DynamicsSettings<Dim>& settings, const Monitor& monitor, DynamicsModel<Dim>& model);
+/// DynamicsSettings::static_start. Initial velocities then begin on top of it. Warns of bodies that contact alone
+/// holds, and that moved there as a whole.
+template <int Dim> void come_to_rest(const DynamicsSettings<Dim>& settings, const std::vector<RegionBody<Dim>>& regions,
+                                     const Monitor& monitor, DynamicsModel<Dim>& model);
 
 }  // namespace efree::internal

@@ -6,6 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <filesystem>
+#include <map>
+#include <regex>
 
 namespace efree {
 namespace {
@@ -171,6 +173,158 @@ TEST(DynamicsStart, StressesOutOfEquilibriumAreWarnedOf) {
   const auto free_sides = run_in(workspace, replaced(start("-0.1"), "end = 4", "end = 0.1"), "out");
   ASSERT_EQ(free_sides.status, 0) << free_sides.output;
   EXPECT_THAT(free_sides.output, HasSubstr("Bodies move at the start: the given stresses and loads are not in"));
+}
+
+TEST(DynamicsStart, BodiesThatGetNodesUntilTheyAreAtRestStayThere) {
+  const Workspace workspace;
+  const std::string hanging = R"toml(title = "hanging"
+[geometry]
+shape = "rectangle"
+parameters = { width = 1, height = 4 }
+mesh_size = 0.25
+[analysis]
+kind = "dynamics"
+plane = "strain"
+gravity = [0, -1]
+[otm]
+insertion = 1.3
+[material]
+model = "neo_hookean"
+E = 8
+nu = 0.3
+density = 1
+[[boundary]]
+on = "top"
+velocity = [0, 0]
+[start]
+residual = 1e-4
+[time]
+end = 0.1
+[output]
+frames = 0
+)toml";
+  const auto done = run_in(workspace, hanging, "out");
+  ASSERT_EQ(done.status, 0) << done.output;
+  const auto result = json(workspace / "out/result.json");
+  EXPECT_LT(result["energy"]["kinetic"].get<double>(), 1e-3 * result["energy"]["stored"].get<double>());
+  const auto refused = run_in(workspace, hanging + "[[velocity]]\nvalue = [0.1, 0]\n", "out");
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.output, HasSubstr("nodes were inserted or merged"));
+}
+
+/// By body how far it moved as a whole before its static start, and the partner that held it, as warnings have them.
+std::map<std::string, std::pair<double, std::string>> rigid_displacements(const fs::path& results) {
+  const std::regex pattern("before the run (?:the )?(.*) moved as a whole by (.*), until contact with (.*) held it");
+  std::map<std::string, std::pair<double, std::string>> moved;
+  const auto result = json(results / "result.json");
+  for (const std::string warning : result["reports"]["warnings"])
+    if (std::smatch match; std::regex_search(warning, match, pattern))
+      moved[match[1]] = {std::stod(match[2]), match[3]};
+  return moved;
+}
+
+/// Squares of side 1: "low" on a floor at y = 0 and "high" on "low", with these gaps.
+std::string stack(const Workspace& workspace, double below, double between, const std::string& floor) {
+  std::ofstream(workspace / "stack.geo") << fmt::format(R"geo(SetFactory("OpenCASCADE");
+Rectangle(1) = {{0, {}, 0, 1, 1}};
+Rectangle(2) = {{0, {}, 0, 1, 1}};
+Physical Surface("low") = {{1}};
+Physical Surface("high") = {{2}};
+)geo",
+                                                        below, below + 1.0 + between);
+  return replaced(R"toml(title = "stack"
+[geometry]
+file = "stack.geo"
+mesh_size = 0.25
+[analysis]
+kind = "dynamics"
+plane = "strain"
+gravity = [0, -1]
+[contact]
+friction = 0.5
+tie = false
+[material]
+model = "neo_hookean"
+E = 20
+nu = 0.3
+density = 1
+FLOOR
+[start]
+residual = 1e-4
+[time]
+end = 0.01
+[output]
+frames = 0
+)toml",
+                  "FLOOR", floor);
+}
+
+const std::string floor_wall = "[[wall]]\nnormal = [0, 1]\nlevel = 0\nfriction = 0.5\n";
+const std::string floor_body = "[[rigid_body]]\nshape = \"plane\"\nnormal = [0, 1]\nlevel = 0\nfriction = \"stick\"\n";
+
+TEST(DynamicsStart, BodiesThatCrossAGapBeforeAStaticStartAreWarnedOf) {
+  const Workspace workspace;
+  const auto moved_in = [&](const std::string& text) {
+    const auto done = run_in(workspace, text, "out");
+    EXPECT_EQ(done.status, 0) << done.output;
+    return rigid_displacements(workspace / "out");
+  };
+  auto moved = moved_in(stack(workspace, 0.05, 0.03, floor_wall));
+  ASSERT_EQ(moved.size(), 2u);
+  EXPECT_NEAR(moved["body \"low\""].first, 0.05, 0.01);
+  EXPECT_EQ(moved["body \"low\""].second, "wall.0");
+  EXPECT_NEAR(moved["body \"high\""].first, 0.03, 0.01);
+  EXPECT_EQ(moved["body \"high\""].second, "body \"low\"");
+  // Carried along by the one below.
+  moved = moved_in(stack(workspace, 0.05, 0.0, floor_body));
+  ASSERT_EQ(moved.size(), 1u);
+  EXPECT_NEAR(moved["body \"low\""].first, 0.05, 0.01);
+  EXPECT_EQ(moved["body \"low\""].second, "rigid_body.0");
+  // Elastic: tops sag by 0.06 and more.
+  EXPECT_TRUE(moved_in(stack(workspace, 0.0, 0.0, floor_wall)).empty());
+}
+
+TEST(DynamicsStart, BodiesThatDeformUntilTheyAreInContactAreNotSaidToMove) {
+  const Workspace workspace;
+  // A cantilever whose end comes to lie on a wall.
+  const auto clamped = [](const std::string& held) {
+    return R"toml(title = "cantilever"
+[geometry]
+shape = "rectangle"
+parameters = { width = 4, height = 0.5 }
+mesh_size = 0.2
+[analysis]
+kind = "dynamics"
+plane = "strain"
+gravity = [0, -1]
+[material]
+model = "neo_hookean"
+E = 500
+nu = 0.3
+density = 1
+[[wall]]
+normal = [0, 1]
+level = -0.1
+[start]
+residual = 1e-4
+[time]
+end = 0.01
+[output]
+frames = 0
+[[boundary]]
+on = "left"
+)toml" + held;
+  };
+  const auto run = [&](const std::string& text) {
+    const auto done = run_in(workspace, text, "out");
+    EXPECT_EQ(done.status, 0) << done.output;
+    EXPECT_FALSE(json(workspace / "out/result.json")["contacts"].empty());
+    return rigid_displacements(workspace / "out");
+  };
+  EXPECT_TRUE(run(clamped("velocity = [0, 0]\n")).empty());
+  // Held against the wall by nothing, and by springs that are too soft to hold it alone.
+  EXPECT_NEAR(run(clamped("velocity = [0, \"free\"]\n"))["body"].first, 0.1, 0.01);
+  EXPECT_TRUE(run(clamped("stiffness = [100, 10]\n")).empty());
 }
 
 }  // namespace
