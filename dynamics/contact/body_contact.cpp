@@ -251,7 +251,7 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
       approach[k] += pair.gap < 0.0 ? -push_out_speed(world, pair, normal[k], dt) : pair.gap / dt;
     }
     const double largest = -approach.minCoeff();
-    const IterationEnd end = iteration_end(world, most_steps_between_bodies);
+    const IterationEnd end = iteration_end(world, between_bodies);
     if (largest > 0.0)
       minimise_energy<1>(
           along, approach, largest, end, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);

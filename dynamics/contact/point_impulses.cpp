@@ -65,7 +65,7 @@ template <int Dim> void RigidContact<Dim>::apply_to_points(World<Dim>& world, Ri
     return normal > 0.0 && rigid.body.friction > 0.0 ? std::numeric_limits<double>::infinity() : 0.0;
   };
   double largest = 0.0;
-  const IterationEnd end = iteration_end(world, most_sweeps_of_points);
+  const IterationEnd end = iteration_end(world, sweeps_of_points);
   for (int sweep = 0; sweep < end.most; ++sweep) {
     double change = 0.0;
     for (std::size_t k = 0; k < n; ++k) {

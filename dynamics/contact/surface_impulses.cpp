@@ -92,7 +92,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     rigid.point_impulses.setZero();
     return false;
   }
-  const IterationEnd end = iteration_end(world, most_steps_on_walls);
+  const IterationEnd end = iteration_end(world, on_walls);
   Points<1> normal = along(rigid.point_impulses);
   const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
@@ -102,20 +102,16 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     if (!along_axes) along_axes.emplace(world, inverse_mass_, rigid.near_points, first);
     return *along_axes;
   };
+  const auto push = [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); };
   if (largest <= 0.0) {
     normal.setZero();
   } else if (is_flat) {
     if (!along_normal || flat_normal != first) along_normal.emplace(world, inverse_mass_, rigid.near_points, first);
     flat_normal = first;
-    minimise_energy<1>(
-        *along_normal, approach, largest, end, [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); }, normal);
+    minimise_energy<1>(*along_normal, approach, largest, end, push, normal);
   } else {
-    Points<Dim> impulses = normals * normal.asDiagonal();
-    minimise_energy<Dim>(
-        all_axes(), normals * approach.asDiagonal(), largest, end,
-        [&](Index s, const Vec<Dim>& q) { return Vec<Dim>(std::max(0.0, q.dot(normals.col(s))) * normals.col(s)); },
-        impulses);
-    normal = along(impulses);
+    minimise_energy<1>(NormalMobility<Dim, PushedPoints<Dim>>{all_axes(), normals}, approach, largest, end, push,
+                       normal);
   }
   rigid.point_impulses = normals * normal.asDiagonal();
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
