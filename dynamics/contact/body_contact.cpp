@@ -5,6 +5,7 @@
 #include "efree/dynamics/masses.hpp"
 
 #include <iterator>
+#include <optional>
 
 namespace efree::internal {
 namespace {
@@ -236,7 +237,8 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
   }
 
   /// Impulses by which no node enters another body within the step, and those of friction, into on_nodes_, unless there
-  /// are none.
+  /// are none. Where surfaces are curved both act on each other, and bodies come to rest only where that counts: those
+  /// along the normals with friction of the last step, and friction with them.
   void find_impulses(World<Dim>& world, double dt) {
     const auto n = std::ssize(pairs_);
     const PairMobility<Dim, 1> along(world, pairs_);
@@ -249,6 +251,12 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
       before.col(k) = pair.impulse;
       normal[k] = std::max(0.0, pair.impulse.dot(pair.normal));
       approach[k] += pair.gap < 0.0 ? -push_out_speed(world, pair, normal[k], dt) : pair.gap / dt;
+    }
+    const bool is_coupled = world.time >= world.options.rest_from && world.options.contact.friction > 0.0;
+    std::optional<PairMobility<Dim, Dim>> all;
+    if (is_coupled) {
+      all.emplace(world, pairs_);
+      approach += normals.cwiseProduct(all->velocities(before - normals * normal.asDiagonal())).colwise().sum();
     }
     const double largest = -approach.minCoeff();
     const IterationEnd end = iteration_end(world, between_bodies);
@@ -265,11 +273,12 @@ template <int Dim> class BodyContact final : public Interaction<Dim> {
       along.add(normal, on_nodes_);
     }
     if (most.maxCoeff() > 0.0) {
-      const PairMobility<Dim, Dim> all(world, pairs_);
-      const Points<Dim> friction =
-          friction_impulses<Dim>(all, all.relative(world.nodes.v), normals, most, 0.0, end, before);
+      if (!all) all.emplace(world, pairs_);
+      Points<Dim> slip = all->relative(world.nodes.v);
+      if (is_coupled) slip += all->velocities(impulses);
+      const Points<Dim> friction = friction_impulses<Dim>(*all, slip, normals, most, 0.0, end, before);
       by_friction_.setZero(Dim, world.nodes.size());
-      all.add(friction, by_friction_);
+      all->add(friction, by_friction_);
       on_nodes_ += by_friction_;
       impulses += friction;
     }

@@ -70,7 +70,8 @@ template <int Dim> Points<1> RigidContact<Dim>::find_point_friction(const World<
 
 /// Impulses on near points by which no point enters the rigid body within the step, and those of Coulomb friction.
 /// Normal and tangential ones are independent where the rigid body is flat, as masses are the same along all axes.
-/// by_friction: the part of friction (Dim x near points). False if no point approaches or has friction.
+/// Where it is curved those along the normal count friction of the last step, and friction counts them. by_friction:
+/// the part of friction (Dim x near points). False if no point approaches or has friction.
 template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>& world, Rigid& rigid, double dt,
                                                                Points<Dim>& by_friction) {
   const auto n = static_cast<Index>(rigid.near_points.size());
@@ -85,16 +86,6 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     closing(0, k) = gap.gap / (gap.gap < 0.0 ? std::max(dt, world.stable_step) : dt);
   }
   const auto along = [&](const Points<Dim>& values) { return Points<1>(normals.cwiseProduct(values).colwise().sum()); };
-  const Points<1> approach = along(velocities) + closing;
-  const double largest = -approach.minCoeff();
-  by_friction.setZero(Dim, n);
-  if (largest <= 0.0 && !(rigid.body.friction > 0.0)) {
-    rigid.point_impulses.setZero();
-    return false;
-  }
-  const IterationEnd end = iteration_end(world, on_walls);
-  Points<1> normal = along(rigid.point_impulses);
-  const Points<Dim> before = rigid.point_impulses;
   const Vec<Dim> first = normals.col(0);
   const bool is_flat = (normals.colwise() - first).isZero(0.0);
   auto& [along_normal, along_axes, flat_normal] = rigid.pushed;
@@ -102,6 +93,17 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
     if (!along_axes) along_axes.emplace(world, inverse_mass_, rigid.near_points, first);
     return *along_axes;
   };
+  Points<1> normal = along(rigid.point_impulses), approach = along(velocities) + closing;
+  const Points<Dim> before = rigid.point_impulses;
+  if (!is_flat && rigid.body.friction > 0.0)
+    approach += along(all_axes().velocities(before - normals * normal.asDiagonal()));
+  const double largest = -approach.minCoeff();
+  by_friction.setZero(Dim, n);
+  if (largest <= 0.0 && !(rigid.body.friction > 0.0)) {
+    rigid.point_impulses.setZero();
+    return false;
+  }
+  const IterationEnd end = iteration_end(world, on_walls);
   const auto push = [](Index, const Vec<1>& q) { return Vec<1>(q.cwiseMax(0.0)); };
   if (largest <= 0.0) {
     normal.setZero();
@@ -116,6 +118,7 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   rigid.point_impulses = normals * normal.asDiagonal();
   const Points<1> most = find_point_friction(world, rigid, normal.cwiseMax(0.0), dt);
   if (!(most.maxCoeff() > 0.0)) return largest > 0.0;
+  if (!is_flat) velocities += all_axes().velocities(rigid.point_impulses);
   by_friction = friction_impulses<Dim>(all_axes(), velocities, normals, most, largest, end, before);
   rigid.point_impulses += by_friction;
   return true;

@@ -140,6 +140,59 @@ TEST(Rest, ACloudRestsOnARoughWall) {
   }
 }
 
+/// Sag of a square of side 1 at rest on a rough cylinder of radius 5, whose axis is parallel to its lower edge.
+double sag_on_cylinder(DeformableBody<2> body, std::unique_ptr<Scheme<2>> scheme, double friction) {
+  Dynamics<2> dynamics({std::move(body)}, std::move(scheme));
+  dynamics.add_rigid_body({.shape = rigid_shapes::ball<2>({0.5, -5.0}, 5.0), .friction = friction});
+  dynamics.set_gravity({0.0, -10.0});
+  dynamics.come_to_rest(1e-7, 5000);
+  return 1.0 - dynamics.nodes().row(1).maxCoeff();
+}
+
+TEST(Rest, ACloudRestsOnARoughCylinder) {
+  const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.1}),
+             fine = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.05});
+  for (const double friction : {0.3, 0.6}) {
+    const double nodes = sag_on_cylinder(deformable_body(fine, rubber(), 1.0), otm<2>(), friction);
+    for (const double spacing : {0.13, 0.2}) {
+      SCOPED_TRACE(testing::Message() << "friction " << friction << ", spacing " << spacing);
+      const double cloud = sag_on_cylinder(deformable_body(approximate(mesh, {.spacing = spacing}), rubber(), 1.0),
+                                           total_lagrangian<2>(), friction);
+      EXPECT_NEAR(cloud, nodes, 0.05 * nodes);
+    }
+  }
+}
+
+TEST(Rest, ADiscRestsInARoughHollow) {
+  constexpr double R = 0.4;
+  constexpr int chords = 24;  // of half a circle, from the right to the left below
+  const auto on_circle = [](int k) {
+    const double angle = -std::numbers::pi * k / chords;
+    return Vec<2>(R * std::cos(angle), R * std::sin(angle));
+  };
+  Polyline block{.name = "", .points = {{-1.0, 0.0}, {-1.0, -1.0}, {1.0, -1.0}, {1.0, 0.0}}}, disc;
+  for (int k = 0; k <= chords; ++k) block.points.push_back(on_circle(k));
+  for (int k = 0; k <= 2 * chords; ++k) disc.points.push_back(k == 2 * chords ? on_circle(0) : on_circle(k));
+  block.points.push_back(block.points.front());
+  std::vector<DeformableBody<2>> bodies;
+  for (const Polyline& outline : {block, disc})
+    bodies.push_back(deformable_body(triangulate({.boundary = {outline}}, {.size = 0.1}), rubber(), 1.0));
+  Dynamics<2> dynamics(bodies, otm<2>(), {.contact = {.friction = 0.5}});
+  dynamics.add_wall({.normal = {0.0, 1.0}, .level = -1.0, .friction = 0.5});
+  dynamics.set_gravity({0.0, -10.0});
+  const Points<2> start = dynamics.nodes();
+  dynamics.come_to_rest(1e-7, 5000);
+  const Points<2> rest = dynamics.nodes();
+  dynamics.run(1.0);
+  const Index first = dynamics.first_node(1);
+  const double weight = 10.0 * dynamics.masses().tail(dynamics.num_nodes() - first).sum();
+  const auto& contacts = dynamics.contacts();
+  ASSERT_EQ(contacts.size(), 2u);
+  EXPECT_NEAR(contacts[0].impulse[1], -weight, 0.01 * weight);  // of the disc on the block
+  EXPECT_LT((dynamics.nodes() - rest).colwise().norm().maxCoeff(), 0.06 * (start - rest).row(1).maxCoeff())
+      << "it creeps";
+}
+
 TEST(Rest, ImpulsesOfContactBeginAfterAStaticStart) {
   const auto mesh = triangulate(shapes::rectangle(0.0, 0.0, 1.0, 1.0), {.size = 0.25});
   Dynamics<2> dynamics({deformable_body(mesh, rubber(), 1.0)}, otm<2>());
