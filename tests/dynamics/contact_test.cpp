@@ -136,6 +136,40 @@ TEST(BodyContact, ABlockOnTheSlopeOfAnotherBodySlidesLikeARigidOneOrRests) {
 }
 
 /// Its corner slips from facet to facet, and is inside the next one at once.
+/// A square of side 1 at rest on another one, without friction and held along x by its upper edge, which is `offset`
+/// away from that of the one below: the force of contact on it along x over its weight, and the potential energy.
+std::pair<double, double> shifted_square(double offset) {
+  std::vector<DeformableBody<2>> bodies;
+  for (const auto& [bottom, size] : {std::pair(0.0, 0.2), std::pair(1.0, 0.16)})
+    bodies.push_back(deformable_body(triangulate(shapes::rectangle(-0.5, bottom, 0.5, bottom + 1.0), {.size = size}),
+                                     NeoHookean({.E = 100.0, .nu = 0.3}), 1.0));
+  bodies[1].nodes.row(0).array() += offset;
+  bodies[1].points.row(0).array() += offset;
+  Dynamics<2> dynamics(bodies, otm<2>(), {.damping = 5.0});
+  for (const int axis : {0, 1}) dynamics.prescribe([](const Vec<2>& x) { return x[1] < 1e-9; }, axis, 0.0);
+  dynamics.prescribe([](const Vec<2>& x) { return x[1] > 2.0 - 1e-9; }, 0, 0.0);
+  dynamics.set_gravity({0.0, -1.0});
+  const Points<2> start = dynamics.nodes();
+  dynamics.run(6.0);
+  const auto before = dynamics.contacts()[0].impulse;
+  const double from = dynamics.time();
+  dynamics.run(6.5);
+  const Vec<2> force = (before - dynamics.contacts()[0].impulse) / (dynamics.time() - from);
+  EXPECT_NEAR(force[1], 1.0, 1e-3);
+  const auto energies = dynamics.balance();
+  return {force[0],
+          energies["stored"] + energies["stabilisation"] + dynamics.masses().dot((dynamics.nodes() - start).row(1))};
+}
+
+/// It slides off, as both sag more: its equilibrium is unstable. Nothing else makes it slide.
+TEST(BodyContact, ABlockWithoutFrictionIsPushedAlongAnotherByTheEnergyThatThisReleasesAlone) {
+  EXPECT_NEAR(shifted_square(0.0).first, 0.0, 1e-4);
+  const auto [force, energy] = shifted_square(0.02);
+  const auto [more_force, less_energy] = shifted_square(0.04);
+  EXPECT_NEAR(0.5 * (force + more_force), (energy - less_energy) / 0.02, 0.02 * more_force);
+  EXPECT_NEAR(force, 2.1e-3, 0.3e-3);  // on a quarter of the spacing 2.3e-3
+}
+
 TEST(BodyContact, ACornerThatHitsABlockGetsNoEnergyFromContact) {
   const auto rubber = [](double E) { return NeoHookean({.E = E, .nu = 0.3}); };
   std::vector<DeformableBody<2>> bodies{
