@@ -5,22 +5,47 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <optional>
-#include <set>
 #include <utility>
 
 namespace efree::internal {
 namespace {
 
-constexpr Index most_vertices = 50, most_intervals = 12800;
+constexpr Index most_intervals = 12800;
+/// Places of a part at which a load is looked at for where it changes, those of these at which it is sampled, and those
+/// of these whose turns count.
+constexpr Index most_places = 2000, most_samples = 50, most_turning = 5;
 constexpr double golden = 0.6180339887498949;
 
-template <int Dim> Points<Dim> some_vertices(const FineMesh<Dim>& mesh) {
-  const Points<Dim>& vertices = mesh.vertices();
-  const Index count = std::min<Index>(most_vertices, static_cast<Index>(vertices.cols()));
-  Points<Dim> at(Dim, count);
-  for (Index k = 0; k < count; ++k) at.col(k) = vertices.col(k * (vertices.cols() - 1) / (count - 1));
-  return at;
+/// The k-th of numbers that are spread over [0, 1) unevenly: even ones may all meet zeros of a sine.
+double uneven(Index k) {
+  double whole = 0.0;
+  return std::modf(static_cast<double>(k + 1) * golden, &whole);
+}
+
+/// Some of n, evenly, no more than `most`.
+std::vector<Index> some_of(Index n, Index most) {
+  std::vector<Index> result;
+  const Index count = std::min(n, most);
+  for (Index k = 0; k < count; ++k) result.push_back(count > 1 ? k * (n - 1) / (count - 1) : 0);
+  return result;
+}
+
+/// Middles of facets of a part, or of cells: where loads and displacements are asked for.
+template <int Dim> Points<Dim> places_in(const FineMesh<Dim>& mesh, const std::string& part) {
+  if (part.empty()) {
+    const std::vector<Index> cells = some_of(mesh.num_cells(), most_places);
+    Points<Dim> result(Dim, std::ssize(cells));
+    for (std::size_t k = 0; k < cells.size(); ++k) result.col(k) = mesh.centroid(cells[k]);
+    return result;
+  }
+  const std::vector<Index>& facets = mesh.group(part);
+  const std::vector<Index> some = some_of(std::ssize(facets), most_places);
+  Points<Dim> result(Dim, std::ssize(some));
+  for (std::size_t k = 0; k < some.size(); ++k)
+    result.col(k) = mesh.vertices()(Eigen::all, mesh.facets().col(facets[some[k]])).rowwise().mean();
+  return result;
 }
 
 /// Where the lines through two values before and two after the j-th meet, if that is within an interval of it.
@@ -88,26 +113,66 @@ template <class At> std::vector<double> turns_of(const std::vector<double>& f, d
 
 template <int Dim>
 LoadCurve<Dim>::LoadCurve(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, int least, double tolerance)
-    : settings_(settings), end_(settings.time->path.end), vertices_(some_vertices(mesh)), intervals_(least) {
-  Vector first;
-  loads_ = loads_at(0.0, first);
-  scales_.setZero(first.size());
+    : settings_(settings), mesh_(mesh), end_(settings.time->path.end), intervals_(least) {
+  find_places();
   for (Index j = 0; j <= intervals_; ++j) {
-    Vector values = sample(end_ * j / intervals_);
-    if (values.size() != first.size()) break;
+    Vector values = sample_near(end_ * j / intervals_);
+    if (j > 0 && values.size() != samples_.front().size()) break;
     samples_.push_back(std::move(values));
   }
+  scales_.setZero(samples_.front().size());
   find_scales();
   for (const Load& load : loads_)
-    moves_supports_ = moves_supports_ || (load.is_displacement && scales_[load.first] > 0.0);
-  // As many bad intervals as with samples half as close are jumps: these stay.
-  Index bad = count_bad_intervals(tolerance);
-  is_followed_ = bad == 0;
-  while (!is_followed_ && intervals_ < most_intervals) {
+    moves_supports_ =
+        moves_supports_ || (load.kind == Kind::displacement && load.count > 0 && scales_[load.first] > 0.0);
+  constexpr Index first_checks = 4;
+  is_followed_ = !loads_.empty() && count_bad_intervals(tolerance, first_checks) == 0;
+  while (!is_followed_ && intervals_ < most_intervals && scales_.size() > 0) {
     double_samples();
-    const Index before = std::exchange(bad, count_bad_intervals(tolerance));
-    is_followed_ = bad == 0 || bad == before;
+    is_followed_ = count_bad_intervals(tolerance, 1) == 0;
   }
+}
+
+/// Where each load is sampled: places of its part at which it changes; one, if it is the same at all.
+template <int Dim> void LoadCurve<Dim>::find_places() {
+  constexpr Index times = 21;
+  constexpr double changes = 0.01;  // over the largest change
+  std::vector<Vector> all;
+  for (Index k = 0; k < times; ++k) {
+    Vector values;
+    std::vector<Load> loads = loads_at(end_ * uneven(k), values);
+    if (values.size() == 0 || (!all.empty() && all.front().size() != values.size())) continue;
+    if (all.empty()) loads_ = std::move(loads);
+    all.push_back(std::move(values));
+  }
+  std::vector<Points<Dim>> places;
+  Index first = 0;
+  for (Load& load : loads_) {
+    const Points<Dim> there = places_in(mesh_, load.part);
+    const Index size = load.count / static_cast<Index>(there.cols());
+    Vector low = all.front().segment(load.first, load.count), high = low;
+    bool is_same = true;
+    for (const Vector& values : all) {
+      const auto now = values.segment(load.first, load.count);
+      low = low.cwiseMin(now);
+      high = high.cwiseMax(now);
+      const auto by_place = now.reshaped(size, there.cols());
+      is_same = is_same && (by_place.colwise() - by_place.col(0)).isZero(1e-12 * now.cwiseAbs().maxCoeff());
+    }
+    const Vector change = (high - low).reshaped(size, there.cols()).colwise().maxCoeff();
+    std::vector<Index> changing;
+    for (Index k = 0; k < change.size() && !is_same; ++k)
+      if (change[k] > changes * change.maxCoeff()) changing.push_back(k);
+    if (changing.empty()) changing = {0};
+    std::vector<Index> chosen;
+    for (const Index k : some_of(std::ssize(changing), most_samples)) chosen.push_back(changing[k]);
+    places.push_back(there(Eigen::all, chosen));
+    load.size = size;
+    load.first = first;
+    load.count = size * static_cast<Index>(chosen.size());
+    first += load.count;
+  }
+  places_ = std::move(places);
 }
 
 /// What acts at a time: loads, and their values one after another. Nothing where an expression has no value, which the
@@ -116,13 +181,15 @@ template <int Dim>
 std::vector<typename LoadCurve<Dim>::Load> LoadCurve<Dim>::loads_at(double time, Vector& values) const {
   std::vector<Load> loads;
   std::vector<double> all;
-  const auto add = [&](const std::string& name, const auto& of, bool is_displacement = false) {
+  const auto add = [&](Kind kind, const std::string& part, const auto& of) {
+    const bool is_found = loads.size() < places_.size();
+    const Points<Dim> there = is_found ? places_[loads.size()] : places_in(mesh_, part);
     const auto first = static_cast<Index>(all.size());
-    for (Index k = 0; k < vertices_.cols(); ++k) {
-      const Vector value = Vector(of(Vec<Dim>(vertices_.col(k))));
+    for (Index k = 0; k < there.cols(); ++k) {
+      const Vector value = Vector(of(Vec<Dim>(there.col(k))));
       all.insert(all.end(), value.begin(), value.end());
     }
-    loads.push_back({name, first, static_cast<Index>(all.size()) - first, is_displacement});
+    loads.push_back({.kind = kind, .part = part, .first = first, .count = static_cast<Index>(all.size()) - first});
   };
   const auto number = [](const ScalarField<Dim>& field) {
     return [&field](const Vec<Dim>& x) { return Vec<1>(field(x)); };
@@ -131,18 +198,19 @@ std::vector<typename LoadCurve<Dim>::Load> LoadCurve<Dim>::loads_at(double time,
     const Acting<Dim> acting = settings_.time->acting(time);
     for (const DisplacementCondition<Dim>& support : acting.supports) {
       for (const ScalarField<Dim>& component : support.components)
-        if (component) add(support.on, number(component), true);
-      if (support.normal) add(support.on, number(support.normal), true);
+        if (component) add(Kind::displacement, support.on, number(component));
+      if (support.normal) add(Kind::displacement, support.on, number(support.normal));
     }
     const Vec<Dim> normal = Vec<Dim>::Ones().normalized();
-    for (const auto& of : acting.loads.tractions) add(of.on, [&](const Vec<Dim>& x) { return of.traction(x, normal); });
-    for (const auto& of : acting.loads.followers) add(of.on, number(of.pressure));
+    for (const auto& of : acting.loads.tractions)
+      add(Kind::traction, of.on, [&](const Vec<Dim>& x) { return of.traction(x, normal); });
+    for (const auto& of : acting.loads.followers) add(Kind::traction, of.on, number(of.pressure));
     for (const auto& of : acting.loads.resultants) {
-      add(of.on, [&](const Vec<Dim>&) { return of.force; });
-      add(of.on, [&](const Vec<Dim>&) { return of.moment; });
+      add(Kind::force, of.on, [&](const Vec<Dim>&) { return of.force; });
+      add(Kind::moment, of.on, [&](const Vec<Dim>&) { return of.moment; });
     }
-    for (const auto& of : acting.loads.mass_forces) add("the body", of.per_mass);
-    if (acting.loads.body_force) add("the body", acting.loads.body_force);
+    for (const auto& of : acting.loads.mass_forces) add(Kind::per_mass, "", of.per_mass);
+    if (acting.loads.body_force) add(Kind::per_volume, "", acting.loads.body_force);
   } catch (const InputError&) {
     values.resize(0);
     return {};
@@ -152,13 +220,26 @@ std::vector<typename LoadCurve<Dim>::Load> LoadCurve<Dim>::loads_at(double time,
   return loads;
 }
 
-/// The values at a time; none where these are of other loads than at the beginning.
+/// The values at a time; none where these are of other loads than at first.
 template <int Dim> Vector LoadCurve<Dim>::sample(double time) const {
   Vector values;
   const std::vector<Load> loads = loads_at(time, values);
   const bool are_alike = std::ranges::equal(
-      loads, loads_, [](const Load& a, const Load& b) { return a.on == b.on && a.first == b.first; });
+      loads, loads_, [](const Load& a, const Load& b) { return a.kind == b.kind && a.part == b.part; });
   return are_alike ? values : Vector();
+}
+
+/// Likewise, or a little later or earlier: a single time may have none, as 0 of 1/t.
+template <int Dim> Vector LoadCurve<Dim>::sample_near(double time) const {
+  constexpr double little = 1e-3;  // intervals
+  Vector values = sample(time);
+  for (const double sign : {1.0, -1.0})
+    if (values.size() == 0) values = sample(time + sign * little * end_ / intervals_);
+  return values;
+}
+
+template <int Dim> double LoadCurve<Dim>::known_until() const {
+  return scales_.size() > 0 ? end_ * (std::ssize(samples_) - 1) / intervals_ : 0.0;
 }
 
 /// The values at a time, straight between samples where they are not known.
@@ -179,7 +260,7 @@ Deviation LoadCurve<Dim>::deviation(const Vector& value, const Vector& from, con
   Index worst = 0;
   const double distance = off.size() > 0 ? (off - share * along).cwiseAbs().maxCoeff(&worst) : 0.0;
   const auto of = std::ranges::find_if(loads_, [&](const Load& load) { return worst < load.first + load.count; });
-  return {distance, of != loads_.end() ? of->on : std::string()};
+  return {distance, of == loads_.end() || of->part.empty() ? "the body" : of->part};
 }
 
 template <int Dim> Deviation LoadCurve<Dim>::deviation(double from, double to) const {
@@ -195,15 +276,57 @@ template <int Dim> double LoadCurve<Dim>::change(double from, double to) const {
   return scales_.size() > 0 ? scales_.cwiseProduct(at(to) - at(from)).cwiseAbs().maxCoeff() : 0.0;
 }
 
-/// Intervals between whose ends the curve is not straight. It is looked at there at uneven times: even ones may all
-/// meet zeros of a sine.
-template <int Dim> Index LoadCurve<Dim>::count_bad_intervals(double tolerance) const {
+/// Where the curve has corners between samples [intervals], ascending: jumps, and turns that are well apart.
+template <int Dim> std::vector<double> LoadCurve<Dim>::find_corners(double ripple) const {
+  constexpr double apart = 8.0;
+  std::vector<double> corners;
+  std::vector<Index> which;
+  const std::vector<std::vector<double>> values = turning_values(&which);
+  for (std::size_t v = 0; v < values.size(); ++v) {
+    const std::vector<double>& value = values[v];
+    std::vector<double> turns =
+        turns_of(value, ripple, [&](double x) { return value[static_cast<std::size_t>(std::lround(x))]; });
+    std::ranges::sort(turns);
+    const auto same = [](double one, double other) { return other - one < 1.0; };  // an extreme is a kink, too
+    turns.erase(std::unique(turns.begin(), turns.end(), same), turns.end());
+    for (std::size_t k = 0; k < turns.size(); ++k) {
+      if ((k > 0 && turns[k] <= turns[k - 1] + apart) || (k + 1 < turns.size() && turns[k] >= turns[k + 1] - apart))
+        continue;
+      const int j = static_cast<int>(std::lround(turns[k])), before = std::max(j - 1, 0);
+      corners.push_back(turns[k]);
+      corners.push_back(extreme_near(value, j, value[j] >= value[before] ? 1 : -1,
+                                     [&](double interval) { return value_at(which[v], interval); }));
+    }
+  }
+  for (const auto& [before, after] : jumps(ripple))
+    corners.insert(corners.end(), {before / end_ * intervals_, after / end_ * intervals_});
+  std::ranges::sort(corners);
+  return corners;
+}
+
+/// Intervals in which the curve is not straight from the beginning to a corner, from corner to corner, or on to the
+/// end, as far as that is looked at.
+template <int Dim> Index LoadCurve<Dim>::count_bad_intervals(double tolerance, Index checks) const {
+  const std::vector<double> corners = find_corners(tolerance);
   Index bad = 0;
   for (Index j = 0; j + 1 < std::ssize(samples_); ++j) {
-    double whole = 0.0;
-    const double share = 0.15 + 0.7 * std::modf((j + 1) * golden, &whole);
-    const Vector there = sample(end_ * (j + share) / intervals_);
-    if (there.size() == scales_.size() && deviation(there, samples_[j], samples_[j + 1]).distance > tolerance) ++bad;
+    bool is_straight = true;
+    for (Index c = 0; c < checks && is_straight; ++c) {
+      const double share = (static_cast<double>(c) + 0.15 + 0.7 * uneven(j * checks + c)) / checks;
+      const Vector there = sample(end_ * (j + share) / intervals_);
+      if (there.size() != scales_.size()) continue;
+      is_straight = deviation(there, samples_[j], samples_[j + 1]).distance <= tolerance;
+      if (is_straight) continue;
+      Vector before = samples_[j];
+      for (auto corner = std::ranges::upper_bound(corners, j); !is_straight; ++corner) {
+        const bool is_last = corner == corners.end() || *corner >= j + 1;
+        Vector after = is_last ? samples_[j + 1] : at(end_ * *corner / intervals_);
+        is_straight = deviation(there, before, after).distance <= tolerance;
+        before = std::move(after);
+        if (is_last) break;
+      }
+    }
+    if (!is_straight) ++bad;
   }
   return bad;
 }
@@ -214,7 +337,7 @@ template <int Dim> void LoadCurve<Dim>::double_samples() {
   for (Index j = 0; j < std::ssize(samples_); ++j) {
     samples.push_back(std::move(samples_[j]));
     if (2 * j + 1 > intervals_) break;
-    Vector between = sample(end_ * (2 * j + 1) / intervals_);
+    Vector between = sample_near(end_ * (2 * j + 1) / intervals_);
     if (between.size() != scales_.size()) break;
     samples.push_back(std::move(between));
   }
@@ -222,26 +345,39 @@ template <int Dim> void LoadCurve<Dim>::double_samples() {
   find_scales();
 }
 
+/// Of all loads of a kind by the largest: what is small beside others of its kind is nothing.
 template <int Dim> void LoadCurve<Dim>::find_scales() {
-  for (const Load& load : loads_) {
-    double largest = 0.0;
+  std::map<Kind, double> largest;
+  for (const Load& load : loads_)
     for (const Vector& values : samples_)
-      largest = std::max(largest, values.segment(load.first, load.count).cwiseAbs().maxCoeff());
-    scales_.segment(load.first, load.count).setConstant(largest > 0.0 ? 1.0 / largest : 0.0);
-  }
+      if (load.count > 0)
+        largest[load.kind] = std::max(largest[load.kind], values.segment(load.first, load.count).cwiseAbs().maxCoeff());
+  for (const Load& load : loads_)
+    scales_.segment(load.first, load.count).setConstant(largest[load.kind] > 0.0 ? 1.0 / largest[load.kind] : 0.0);
+}
+
+/// Values whose turns count, by sample and over the largest: those of few places of a load, as each may turn at a time
+/// of its own.
+template <int Dim> std::vector<std::vector<double>> LoadCurve<Dim>::turning_values(std::vector<Index>* which) const {
+  std::vector<std::vector<double>> result;
+  for (const Load& load : loads_)
+    for (const Index place : some_of(load.count / std::max<Index>(load.size, 1), most_turning))
+      for (Index k = load.first + load.size * place; k < load.first + load.size * (place + 1); ++k) {
+        if (scales_[k] == 0.0) continue;
+        std::vector<double>& value = result.emplace_back(samples_.size());
+        std::ranges::transform(samples_, value.begin(), [&](const Vector& sample) { return scales_[k] * sample[k]; });
+        if (which) which->push_back(k);
+      }
+  return result;
 }
 
 template <int Dim> std::vector<double> LoadCurve<Dim>::turns(double ripple) const {
   std::vector<double> all;
-  std::set<std::vector<double>> seen;  // a load may be the same at all vertices
-  for (Index k = 0; k < scales_.size(); ++k) {
-    if (scales_[k] == 0.0) continue;
-    std::vector<double> value(samples_.size());
-    std::ranges::transform(samples_, value.begin(), [&](const Vector& sample) { return scales_[k] * sample[k]; });
-    if (const auto& [place, is_new] = seen.insert(std::move(value)); is_new)
-      for (const double x : turns_of(*place, ripple, [&](double interval) { return value_at(k, interval); }))
-        all.push_back(x);
-  }
+  std::vector<Index> which;
+  const std::vector<std::vector<double>> values = turning_values(&which);
+  for (std::size_t v = 0; v < values.size(); ++v)
+    for (const double x : turns_of(values[v], ripple, [&](double interval) { return value_at(which[v], interval); }))
+      all.push_back(x);
   std::ranges::sort(all);
   std::vector<double> times;
   for (const double x : all) {

@@ -25,7 +25,8 @@ template <int Dim> double longest_step(const Result<Dim>& result) {
 template <int Dim> SmallerSteps smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result) {
   const TimeSettings<Dim> time = settings.time ? *settings.time : TimeSettings<Dim>();
   const PathOptions& path = time.path;
-  if (path.gives_steps() || result.history.empty() || !settings.estimated) return {};
+  // Where a path stops is found by halving steps.
+  if (path.gives_steps() || result.history.empty() || !result.stopped.empty() || !settings.estimated) return {};
   if (const double range = smaller_elastic_range(settings, result); range < time.elastic_range)
     return {1.0, range,
             fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * range)};

@@ -42,22 +42,27 @@ LoadCurve<Dim> curve_of(const Settings<Dim>& settings, const FineMesh<Dim>& mesh
 }
 
 /// Ends of steps between which loads are nearly straight, if steps that may be as long as the settings say and end at
-/// these stops are not enough; else the stops.
+/// these stops are not enough; else the stops. Loads that turn by less than what is bearable are followed in eighths of
+/// a full turn, too.
 template <int Dim> std::vector<double> nearly_straight(const LoadCurve<Dim>& curve, const PathOptions& path,
                                                        double bearable, std::vector<double> stops) {
+  constexpr double of_chord = 0.1;
   const double largest = path.largest_step(), least = std::max(least_part * largest, path.min_step), end = path.end;
+  const auto is_straight = [&](double from, double to) {
+    const double off = curve.deviation(from, to).distance;
+    return off <= bearable && (off <= ripple || off <= of_chord * curve.change(from, to));
+  };
   std::vector<double> ends;
   bool is_cut = false;
   auto stop = stops.begin();
-  for (double from = 0.0, longest = largest; from < end * (1.0 - 1e-9);) {
+  for (double from = 0.0; from < end * (1.0 - 1e-9);) {
     while (stop != stops.end() && *stop <= from) ++stop;
-    double to = std::min({from + longest, end, stop != stops.end() ? *stop : end});
-    while (to - from > least && curve.deviation(from, to).distance > bearable) {
+    double to = std::min({from + largest, end, stop != stops.end() ? *stop : end});
+    while (to - from >= 2.0 * least && !is_straight(from, to)) {
       to = 0.5 * (from + to);
       is_cut = true;
     }
     ends.push_back(to);
-    longest = std::min(largest, 2.0 * (to - from));
     from = to;
   }
   return is_cut ? ends : stops;
@@ -107,7 +112,9 @@ template <int Dim> Followed follow(const Settings<Dim>& settings, const Result<D
   const double known = settings.time->elastic_range;
   const LoadCurve<Dim> curve = curve_of(settings, *result.mesh, known);
   const double range = elastic_range_of(curve, known, result);
-  const auto with = [&](const LoadCurve<Dim>& of) { return Followed{range, of.is_followed(), worst_turn(of, result)}; };
+  const auto with = [&](const LoadCurve<Dim>& of) {
+    return Followed{range, of.is_followed() && of.known_until() >= result.history.back().time, worst_turn(of, result)};
+  };
   return tolerance_for(range) == tolerance_for(known) ? with(curve) : with(curve_of(settings, *result.mesh, range));
 }
 
@@ -121,6 +128,7 @@ template <int Dim> std::vector<double> stops_at_turns(const Settings<Dim>& setti
   const TimeSettings<Dim>& time = *settings.time;
   const double bearable = bearable_deviation(time.elastic_range), least_swing = std::min(ripple, 0.2 * bearable);
   const LoadCurve<Dim> curve = curve_of(settings, mesh, time.elastic_range);
+  if (!curve.is_followed()) return stops;  // turns would be those of samples
   std::vector<double> all = stops;
   for (const double turn : curve.turns(least_swing)) {
     const auto next = std::ranges::lower_bound(stops, turn - same * time.path.end);

@@ -112,7 +112,7 @@ def print_cycles(program):
         off = float(rows[-1]["dissipated"]) / float(truth[-1]["dissipated"]) - 1.0
         path = result["estimates"]["path"]
         # Both are of the same cloud: its own error is not in the difference.
-        warned = any("turn" in warning for warning in result.get("warnings", []))
+        warned = any("turn" in warning for warning in result["reports"].get("warnings", []))
         print(
             f"| {motion} | {len(rows)} | {100 * off:.2g} | {100 * path['steps']:.2g} (by steps), "
             f"{100 * path['dissipated']:.2g} | {'yes' if warned else 'no'} | {seconds:.2g} |"

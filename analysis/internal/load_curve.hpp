@@ -16,10 +16,10 @@ struct Deviation {
   std::string on;  ///< the part on which that load acts
 };
 
-/// The curve whose coordinates are the values of all loads and prescribed displacements at some vertices of the mesh,
-/// each over the largest value that it has there on the way. It is sampled at even times, ever closer until the
-/// straight lines between them leave it by no more than a tolerance. It ends early where an expression has no value, or
-/// where loads come or go.
+/// The curve whose coordinates are the values of all loads and prescribed displacements at places of their parts, each
+/// over the largest value of its kind on the way. It is sampled at even times, ever closer until the straight lines
+/// between them leave it by no more than a tolerance, but beside turns and jumps. It ends early where an expression has
+/// no value, or where loads come or go.
 template <int Dim> class LoadCurve {
  public:
   /// settings: of a path whose loads change with time; `least`: samples.
@@ -27,6 +27,8 @@ template <int Dim> class LoadCurve {
 
   /// Whether the tolerance was reached.
   bool is_followed() const { return is_followed_; }
+  /// Where it ends [time].
+  double known_until() const;
   /// Whether it is displacements that change, too.
   bool moves_supports() const { return moves_supports_; }
   /// The largest distance of values between two times from the straight line between the values at these. How fast it
@@ -40,27 +42,34 @@ template <int Dim> class LoadCurve {
   std::vector<std::pair<double, double>> jumps(double ripple) const;
 
  private:
+  enum class Kind { displacement, traction, force, moment, per_mass, per_volume };
   struct Load {
-    std::string on;
+    Kind kind;
+    std::string part{};  ///< empty: the body
     Index first, count;  ///< of its values in a sample
-    bool is_displacement;
+    Index size = 0;      ///< values at a place
   };
+  void find_places();
   std::vector<Load> loads_at(double time, Vector& values) const;
   Vector sample(double time) const;
+  Vector sample_near(double time) const;
   Vector at(double time) const;
-  Deviation deviation(const Vector& value, const Vector& from, const Vector& to) const;
-  Index count_bad_intervals(double tolerance) const;
   double value_at(Index value, double intervals) const;
+  Deviation deviation(const Vector& value, const Vector& from, const Vector& to) const;
+  std::vector<double> find_corners(double ripple) const;
+  Index count_bad_intervals(double tolerance, Index checks) const;
+  std::vector<std::vector<double>> turning_values(std::vector<Index>* which = nullptr) const;
   void double_samples();
   void find_scales();
 
   const Settings<Dim>& settings_;
+  const FineMesh<Dim>& mesh_;
   double end_;
-  Points<Dim> vertices_;
   std::vector<Load> loads_;
-  Vector scales_;                ///< by value, one over the largest of its load; 0 if that is zero
-  std::vector<Vector> samples_;  ///< at even times from 0 on
-  Index intervals_;              ///< of these up to the end, were the curve not to end before
+  std::vector<Points<Dim>> places_;  ///< by load
+  Vector scales_;                    ///< by value, one over the largest of its kind; 0 if that is zero
+  std::vector<Vector> samples_;      ///< at even times from 0 on
+  Index intervals_;                  ///< of these up to the end, were the curve not to end before
   bool is_followed_ = false, moves_supports_ = false;
 };
 

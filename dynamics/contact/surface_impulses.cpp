@@ -77,14 +77,16 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   const auto n = static_cast<Index>(rigid.near_points.size());
   Points<Dim> normals(Dim, n), velocities(Dim, n);
   Points<1> closing(1, n);
-  for (Index k = 0; k < n; ++k) {
-    const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], world.nodes.x);
-    velocities.col(k) = at_surface_point(world, rigid.near_points[k], world.nodes.v) - velocity_of<Dim>(rigid.now, at);
-    const Gap<Dim> gap = gap_to<Dim>(rigid.body, rigid.now, at);
-    normals.col(k) = gap.normal;
-    // Points inside move out within a stable step, not at once where a step is cut short.
-    closing(0, k) = gap.gap / (gap.gap < 0.0 ? std::max(dt, world.stable_step) : dt);
-  }
+  parallel_chunks(n, 64, [&](Index begin, Index end) {
+    for (Index k = begin; k < end; ++k) {
+      const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], world.nodes.x);
+      velocities.col(k) = at_surface_point(world, rigid.near_points[k], world.nodes.v) - velocity_of<Dim>(rigid.now, at);
+      const Gap<Dim> gap = gap_to<Dim>(rigid.body, rigid.now, at);
+      normals.col(k) = gap.normal;
+      // Points inside move out within a stable step, not at once where a step is cut short.
+      closing(0, k) = gap.gap / (gap.gap < 0.0 ? std::max(dt, world.stable_step) : dt);
+    }
+  });
   const auto along = [&](const Points<Dim>& values) { return Points<1>(normals.cwiseProduct(values).colwise().sum()); };
   const Vec<Dim> first = normals.col(0);
   const bool is_flat = (normals.colwise() - first).isZero(0.0);

@@ -139,6 +139,76 @@ TEST(OpenSteps, FollowSmallCyclesOnALargeMean) {
               0.03 * truth.history.back().dissipated);
 }
 
+TEST(OpenSteps, FollowLoadsWhereTheyAct) {
+  const FineMesh<2> mesh = square(0.3);
+  const auto cycles = [](double time) { return 0.005 * std::sin(80.0 * std::numbers::pi * time); };
+  const auto dissipated = [&](const ScalarField<2>& beside, double by_time) {
+    Settings<2> settings = moved_square([](double) { return Vec<2>(0.0, 0.0); });
+    settings.common.approximation.spacing = 0.5;
+    settings.time->acting = [=](double time) {
+      DisplacementCondition<2> top{"top", {}, {}};
+      top.components[0] = [](const Vec<2>&) { return 0.0; };
+      top.components[1] = [=](const Vec<2>& x) { return cycles(time) * beside(x) + by_time * time * (1.0 - x[1]); };
+      return Acting<2>{{clamp<2>("bottom"), top}, {}};
+    };
+    const Result<2> result = analyse(mesh, settings);
+    EXPECT_THAT(result.warnings, Not(Contains(HasSubstr("turn"))));
+    EXPECT_GT(result.history.size(), 79u);
+    return result.history.back().dissipated;
+  };
+  const double plain = dissipated([](const Vec<2>&) { return 1.0; }, 0.0);
+  const ScalarField<2> without_value_elsewhere = [](const Vec<2>& x) {
+    if (x[1] < 0.5) throw InputError("no value there");
+    return 1.0;
+  };
+  EXPECT_NEAR(dissipated(without_value_elsewhere, 0.0), plain, 1e-6 * plain);
+  EXPECT_NEAR(dissipated([](const Vec<2>&) { return 1.0; }, 10.0), plain, 1e-6 * plain) << "large elsewhere";
+}
+
+TEST(OpenSteps, DoNotFollowWhatIsNothingBesideOtherLoads) {
+  const FineMesh<2> mesh = square(0.3);
+  Settings<2> settings =
+      moved_square([](double time) { return Vec<2>(1e-12 * std::sin(200.0 * std::numbers::pi * time), 0.01 * time); });
+  settings.common.approximation.spacing = 0.5;
+  EXPECT_LT(analyse(mesh, settings).history.size(), 15u);
+}
+
+TEST(OpenSteps, ThatTakeAShortDetourEndOnIt) {
+  const FineMesh<2> mesh = square(0.2);
+  Settings<2> settings = moved_square([](double time) {
+    return Vec<2>(0.003 * time, time < 0.013 ? 0.01 * std::sin(std::numbers::pi * time / 0.013) : 0.0);
+  });
+  settings.common.approximation.spacing = 0.4;
+  const Result<2> result = analyse(mesh, settings);
+  EXPECT_THAT(result.warnings, Not(Contains(HasSubstr("turn"))));
+  EXPECT_LT(off_in_force(result, with_small_steps(mesh, settings, result)), 0.03);
+}
+
+TEST(OpenSteps, FollowATableOfKinks) {
+  const FineMesh<2> mesh = square(0.3);
+  Settings<2> settings = moved_square([](double time) {  // between -0.005 and 0.005, 40 pieces
+    const double piece = std::floor(40.0 * time), share = 40.0 * time - piece;
+    const auto value = [](double k) { return 0.005 * std::sin(1.7 * k * k); };
+    return Vec<2>(0.0, (1.0 - share) * value(piece) + share * value(piece + 1.0));
+  });
+  settings.common.approximation.spacing = 0.5;
+  const Result<2> result = analyse(mesh, settings);
+  EXPECT_THAT(result.warnings, Not(Contains(HasSubstr("turn"))));
+  EXPECT_LT(result.history.size(), 60u);
+  const Result<2> truth = with_small_steps(mesh, settings, result);
+  EXPECT_NEAR(result.history.back().dissipated, truth.history.back().dissipated,
+              0.02 * truth.history.back().dissipated);
+}
+
+TEST(OpenSteps, AreWarnedOfWhereLoadsTurnTooOften) {
+  const FineMesh<2> mesh = square(0.3);
+  Settings<2> settings = moved_square([](double time) {
+    return Vec<2>(0.003 * time, 0.005 * std::exp(-std::pow((time - 0.7007) / 2e-3, 2)) * std::sin(1e5 * time));
+  });
+  settings.common.approximation.spacing = 0.5;
+  EXPECT_THAT(analyse(mesh, settings).warnings, Contains(HasSubstr("turn")));
+}
+
 TEST(OpenSteps, EncloseAJumpBesideAnotherLoad) {
   const FineMesh<2> mesh = square(0.2);
   const auto jumps = [](double time) { return time > 0.33 ? 0.003 : 0.001 * time; };
