@@ -80,7 +80,8 @@ template <int Dim> bool RigidContact<Dim>::find_point_impulses(const World<Dim>&
   parallel_chunks(n, 64, [&](Index begin, Index end) {
     for (Index k = begin; k < end; ++k) {
       const Vec<Dim> at = at_surface_point(world, rigid.near_points[k], world.nodes.x);
-      velocities.col(k) = at_surface_point(world, rigid.near_points[k], world.nodes.v) - velocity_of<Dim>(rigid.now, at);
+      velocities.col(k) =
+          at_surface_point(world, rigid.near_points[k], world.nodes.v) - velocity_of<Dim>(rigid.now, at);
       const Gap<Dim> gap = gap_to<Dim>(rigid.body, rigid.now, at);
       normals.col(k) = gap.normal;
       // Points inside move out within a stable step, not at once where a step is cut short.
