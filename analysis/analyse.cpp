@@ -286,9 +286,9 @@ Result<Dim> analyse(const PreparedMesh<Dim>& mesh, const Settings<Dim>& given, c
   Settings<Dim> settings = with_steps_of_checkpoint(given);
   Result<Dim> result = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
   while (true) {
-    const SmallerSteps smaller = smaller_steps_for(with_defaults(settings, mesh), result);
-    if (smaller.why.empty()) return result;
-    settings = with_smaller_steps(std::move(settings), result, smaller, monitor);
+    const auto smaller = smaller_steps_for(with_defaults(settings, mesh), result);
+    if (!smaller) return result;
+    settings = with_smaller_steps(std::move(settings), result, *smaller, monitor);
     try {
       Result<Dim> next = analyse_or_tell<Dim>(mesh, settings, monitor, nullptr);
       next.times.add(result.times);

@@ -238,8 +238,8 @@ template <int Dim> class Search {
         best->warnings.push_back(fmt::format("a finer path fails, this is the finest before: {}", error.what()));
         break;
       }
-      if (const auto smaller = smaller_steps_for(with_defaults(settings_, natural_), *best); !smaller.why.empty()) {
-        settings_ = with_smaller_steps(std::move(settings_), *best, smaller, monitor_);
+      if (const auto smaller = smaller_steps_for(with_defaults(settings_, natural_), *best)) {
+        settings_ = with_smaller_steps(std::move(settings_), *best, *smaller, monitor_);
         of_larger_steps = std::exchange(best, nullptr);
         coarser.reset();
         excess_.reset();

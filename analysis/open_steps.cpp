@@ -22,22 +22,25 @@ template <int Dim> double longest_step(const Result<Dim>& result) {
 
 }  // namespace
 
-template <int Dim> SmallerSteps smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result) {
+template <int Dim>
+std::optional<SmallerSteps> smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result) {
   const TimeSettings<Dim> time = settings.time ? *settings.time : TimeSettings<Dim>();
   const PathOptions& path = time.path;
   // Where a path stops is found by halving steps.
-  if (path.gives_steps() || result.history.empty() || !result.stopped.empty() || !settings.estimated) return {};
+  if (path.gives_steps() || result.history.empty() || !result.stopped.empty() || !settings.estimated)
+    return std::nullopt;
   if (const double range = smaller_elastic_range(settings, result); range < time.elastic_range)
-    return {1.0, range,
-            fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * range)};
+    return SmallerSteps{
+        1.0, range,
+        fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * range)};
   const auto& errors = result.path_errors;
   if (!errors || errors->steps <= bearable_error_of_steps || errors->largest().first <= bearable_error_of_path)
-    return {};
+    return std::nullopt;
   const double longest = longest_step(result), steps = static_cast<double>(result.history.size());
   const double factor = std::max({aimed_error_of_steps / errors->steps, steps / most_steps, path.min_step / longest});
-  if (factor >= worth_it) return {};
-  return {factor * longest / path.largest_step(), time.elastic_range,
-          fmt::format("errors by their size are {:.2g} %", 100.0 * errors->steps)};
+  if (factor >= worth_it) return std::nullopt;
+  return SmallerSteps{factor * longest / path.largest_step(), time.elastic_range,
+                      fmt::format("errors by their size are {:.2g} %", 100.0 * errors->steps)};
 }
 
 template <int Dim> Settings<Dim> with_steps_of_checkpoint(Settings<Dim> settings) {
@@ -68,9 +71,9 @@ template <int Dim> Settings<Dim> with_smaller_steps(Settings<Dim> settings, cons
   return settings;
 }
 
-#define EFREE_INSTANTIATE(Dim)                                                       \
-  template SmallerSteps smaller_steps_for(const Settings<Dim>&, const Result<Dim>&); \
-  template Settings<Dim> with_steps_of_checkpoint(Settings<Dim>);                    \
+#define EFREE_INSTANTIATE(Dim)                                                                      \
+  template std::optional<SmallerSteps> smaller_steps_for(const Settings<Dim>&, const Result<Dim>&); \
+  template Settings<Dim> with_steps_of_checkpoint(Settings<Dim>);                                   \
   template Settings<Dim> with_smaller_steps(Settings<Dim>, const Result<Dim>&, const SmallerSteps&, const Monitor&);
 EFREE_INSTANTIATE(2)
 EFREE_INSTANTIATE(3)

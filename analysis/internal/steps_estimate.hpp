@@ -79,15 +79,16 @@ std::vector<double> stops_at_turns(const Settings<Dim>& settings, const FineMesh
 /// that.
 template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result);
 
-/// How much smaller the steps of a path are to be, and why.
+/// How much smaller the steps of a path are to be, and why, in words.
 struct SmallerSteps {
-  double factor = 1.0;         ///< of PathOptions::scale
-  double elastic_range = 1.0;  ///< TimeSettings::elastic_range
-  std::string why{};           ///< empty: they may stay
+  double factor;         ///< of PathOptions::scale
+  double elastic_range;  ///< TimeSettings::elastic_range
+  std::string why;
 };
-/// Of a path whose settings, with defaults, leave its steps open: its errors are large and by the size of steps, or
-/// loads turn within these.
-template <int Dim> SmallerSteps smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result);
+/// For a path whose settings, with defaults, leave its steps open, where its errors are large and by the size of steps,
+/// or loads turn within these.
+template <int Dim>
+std::optional<SmallerSteps> smaller_steps_for(const Settings<Dim>& settings, const Result<Dim>& result);
 /// Settings of a path that goes on from a checkpoint: its steps are left open as they were there.
 template <int Dim> Settings<Dim> with_steps_of_checkpoint(Settings<Dim> settings);
 /// Settings of the path of a result with smaller steps, from the beginning on.

@@ -227,7 +227,7 @@ template <int Dim> struct Expressions<Dim>::Compiled {
   template <std::size_t Size> Entry get(const std::vector<Definition>& definitions,
                                         const std::array<std::string, Size>& texts, const std::string& where) {
     const std::lock_guard lock(mutex);
-    Entry& entry = all[fmt::format("{}\n{}", where, fmt::join(texts, "\n"))];
+    Entry& entry = all[fmt::format("{}\n{}\n{}", Size, where, fmt::join(texts, "\n"))];
     if (!entry.pool) {
       const auto make = [definitions, texts, where] { return program_of<Dim>(definitions, texts, where); };
       entry.varies = make()->varies();
@@ -277,6 +277,7 @@ template <int Dim> void Expressions<Dim>::at_time(double t) {
   time_ = t;
 }
 template <int Dim> Expressions<Dim> Expressions<Dim>::at_another_time(double t) const {
+  require(time_.has_value(), "expressions at another time: expected at_time() before");
   Expressions result = *this;
   result.time_ = t;
   return result;

@@ -27,7 +27,7 @@ template <int Dim> class Expressions {
   void define(const std::string& name, ScalarField<Dim> given);
   /// Calls a time t, which messages about values that are not finite then name. Throws InputError if t is taken.
   void at_time(double t);
-  /// The same, after at_time(), at another one; what has been compiled is shared.
+  /// The same at another time; what has been compiled is shared. Throws InputError unless at_time() was called.
   Expressions at_another_time(double t) const;
   /// Calls the first coordinate of where fields are asked for the time t; messages then say that instead of a point.
   void at_any_time();
