@@ -177,6 +177,10 @@ std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const Dy
   return result;
 }
 
+std::string rigid_partner_name(const ContactPartner& partner) {
+  return fmt::format("{}.{}", partner.kind == ContactPartner::Kind::wall ? "wall" : "rigid_body", partner.number);
+}
+
 namespace {
 
 void call(const std::function<void()>& function) {

@@ -226,6 +226,9 @@ template <int Dim>
 std::vector<std::pair<std::string, std::vector<double>>> measure_probes(const DynamicsSettings<Dim>& settings,
                                                                         const DynamicsModel<Dim>& model);
 
+/// What outputs call a wall or a rigid body: "wall.0", "rigid_body.0".
+std::string rigid_partner_name(const ContactPartner& partner);
+
 /// Error of the energy balance from which on there is a warning.
 inline constexpr double warned_imbalance = 0.01;
 /// Estimated error of forces by mass scaling (AddedInertia::error) from which on there is a warning.

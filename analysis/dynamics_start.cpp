@@ -111,12 +111,6 @@ template <int Dim> std::optional<ContactPartner> partner_against(const std::vect
   return result;
 }
 
-std::string partner_name(const ContactPartner& partner, const std::vector<std::string>& bodies) {
-  using enum ContactPartner::Kind;
-  if (partner.kind == body) return body_name(bodies[static_cast<std::size_t>(partner.number)], bodies.size());
-  return fmt::format("{}.{}", partner.kind == wall ? "wall" : "rigid_body", partner.number);
-}
-
 /// Warns of bodies that contact alone holds, but not where they were. Such a body has moved as a whole: all of its
 /// points further than any of the partner, which may be deformed by it. start: points before the bodies came to rest;
 /// contacts: impulses since then.
@@ -147,7 +141,9 @@ void report_rigid_displacements(const DynamicsSettings<Dim>& settings, const std
         "contact with {} held it, as nothing else does. Close gaps, hold the body by a [[boundary]] or friction, or "
         "leave out [start] if it is to fall or slide",
         body_name(model.names[static_cast<std::size_t>(b)], model.names.size()), distance,
-        partner_name(*partner, model.names)));
+        partner->kind == ContactPartner::Kind::body
+            ? body_name(model.names[static_cast<std::size_t>(partner->number)], model.names.size())
+            : rigid_partner_name(*partner)));
   }
 }
 

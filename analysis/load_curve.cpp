@@ -122,9 +122,6 @@ LoadCurve<Dim>::LoadCurve(const Settings<Dim>& settings, const FineMesh<Dim>& me
   }
   scales_.setZero(samples_.front().size());
   find_scales();
-  for (const Load& load : loads_)
-    moves_supports_ =
-        moves_supports_ || (load.kind == Kind::displacement && load.count > 0 && scales_[load.first] > 0.0);
   constexpr Index first_checks = 4;
   is_followed_ = !loads_.empty() && count_bad_intervals(tolerance, first_checks) == 0;
   while (!is_followed_ && intervals_ < most_intervals && scales_.size() > 0) {
@@ -183,7 +180,8 @@ std::vector<typename LoadCurve<Dim>::Load> LoadCurve<Dim>::loads_at(double time,
   std::vector<double> all;
   const auto add = [&](Kind kind, const std::string& part, const auto& of) {
     const bool is_found = loads.size() < places_.size();
-    const Points<Dim> there = is_found ? places_[loads.size()] : places_in(mesh_, part);
+    const Points<Dim> all_there = is_found ? Points<Dim>() : places_in(mesh_, part);
+    const Points<Dim>& there = is_found ? places_[loads.size()] : all_there;
     const auto first = static_cast<Index>(all.size());
     for (Index k = 0; k < there.cols(); ++k) {
       const Vector value = Vector(of(Vec<Dim>(there.col(k))));
@@ -238,6 +236,11 @@ template <int Dim> Vector LoadCurve<Dim>::sample_near(double time) const {
   return values;
 }
 
+template <int Dim> bool LoadCurve<Dim>::moves_supports() const {
+  return std::ranges::any_of(
+      loads_, [&](const Load& load) { return load.kind == Kind::displacement && scales_[load.first] > 0.0; });
+}
+
 template <int Dim> double LoadCurve<Dim>::known_until() const {
   return scales_.size() > 0 ? end_ * (std::ssize(samples_) - 1) / intervals_ : 0.0;
 }
@@ -260,32 +263,28 @@ Deviation LoadCurve<Dim>::deviation(const Vector& value, const Vector& from, con
   Index worst = 0;
   const double distance = off.size() > 0 ? (off - share * along).cwiseAbs().maxCoeff(&worst) : 0.0;
   const auto of = std::ranges::find_if(loads_, [&](const Load& load) { return worst < load.first + load.count; });
-  return {distance, of == loads_.end() || of->part.empty() ? "the body" : of->part};
+  return {.distance = distance,
+          .change = along.size() > 0 ? along.cwiseAbs().maxCoeff() : 0.0,
+          .on = of == loads_.end() || of->part.empty() ? "the body" : of->part};
 }
 
 template <int Dim> Deviation LoadCurve<Dim>::deviation(double from, double to) const {
   const Vector first = at(from), last = at(to);
-  Deviation most;
+  Deviation most = deviation(first, first, last);
   for (auto j = static_cast<Index>(from / end_ * intervals_) + 1;
        j < std::ssize(samples_) && j * end_ < to * intervals_; ++j)
     if (Deviation here = deviation(samples_[j], first, last); here.distance > most.distance) most = std::move(here);
   return most;
 }
 
-template <int Dim> double LoadCurve<Dim>::change(double from, double to) const {
-  return scales_.size() > 0 ? scales_.cwiseProduct(at(to) - at(from)).cwiseAbs().maxCoeff() : 0.0;
-}
-
 /// Where the curve has corners between samples [intervals], ascending: jumps, and turns that are well apart.
 template <int Dim> std::vector<double> LoadCurve<Dim>::find_corners(double ripple) const {
   constexpr double apart = 8.0;
   std::vector<double> corners;
-  std::vector<Index> which;
-  const std::vector<std::vector<double>> values = turning_values(&which);
-  for (std::size_t v = 0; v < values.size(); ++v) {
-    const std::vector<double>& value = values[v];
+  for (const TurningValue& value : turning_values()) {
+    const std::vector<double>& samples = value.samples;
     std::vector<double> turns =
-        turns_of(value, ripple, [&](double x) { return value[static_cast<std::size_t>(std::lround(x))]; });
+        turns_of(samples, ripple, [&](double x) { return samples[static_cast<std::size_t>(std::lround(x))]; });
     std::ranges::sort(turns);
     const auto same = [](double one, double other) { return other - one < 1.0; };  // an extreme is a kink, too
     turns.erase(std::unique(turns.begin(), turns.end(), same), turns.end());
@@ -294,8 +293,8 @@ template <int Dim> std::vector<double> LoadCurve<Dim>::find_corners(double rippl
         continue;
       const int j = static_cast<int>(std::lround(turns[k])), before = std::max(j - 1, 0);
       corners.push_back(turns[k]);
-      corners.push_back(extreme_near(value, j, value[j] >= value[before] ? 1 : -1,
-                                     [&](double interval) { return value_at(which[v], interval); }));
+      corners.push_back(extreme_near(samples, j, samples[j] >= samples[before] ? 1 : -1,
+                                     [&](double interval) { return value_at(value.number, interval); }));
     }
   }
   for (const auto& [before, after] : jumps(ripple))
@@ -350,33 +349,30 @@ template <int Dim> void LoadCurve<Dim>::find_scales() {
   std::map<Kind, double> largest;
   for (const Load& load : loads_)
     for (const Vector& values : samples_)
-      if (load.count > 0)
-        largest[load.kind] = std::max(largest[load.kind], values.segment(load.first, load.count).cwiseAbs().maxCoeff());
+      largest[load.kind] = std::max(largest[load.kind], values.segment(load.first, load.count).cwiseAbs().maxCoeff());
   for (const Load& load : loads_)
     scales_.segment(load.first, load.count).setConstant(largest[load.kind] > 0.0 ? 1.0 / largest[load.kind] : 0.0);
 }
 
 /// Values whose turns count, by sample and over the largest: those of few places of a load, as each may turn at a time
 /// of its own.
-template <int Dim> std::vector<std::vector<double>> LoadCurve<Dim>::turning_values(std::vector<Index>* which) const {
-  std::vector<std::vector<double>> result;
+template <int Dim> std::vector<typename LoadCurve<Dim>::TurningValue> LoadCurve<Dim>::turning_values() const {
+  std::vector<TurningValue> result;
   for (const Load& load : loads_)
-    for (const Index place : some_of(load.count / std::max<Index>(load.size, 1), most_turning))
+    for (const Index place : some_of(load.count / load.size, most_turning))
       for (Index k = load.first + load.size * place; k < load.first + load.size * (place + 1); ++k) {
         if (scales_[k] == 0.0) continue;
-        std::vector<double>& value = result.emplace_back(samples_.size());
-        std::ranges::transform(samples_, value.begin(), [&](const Vector& sample) { return scales_[k] * sample[k]; });
-        if (which) which->push_back(k);
+        std::vector<double>& samples = result.emplace_back(TurningValue{k, {}}).samples;
+        for (const Vector& sample : samples_) samples.push_back(scales_[k] * sample[k]);
       }
   return result;
 }
 
 template <int Dim> std::vector<double> LoadCurve<Dim>::turns(double ripple) const {
   std::vector<double> all;
-  std::vector<Index> which;
-  const std::vector<std::vector<double>> values = turning_values(&which);
-  for (std::size_t v = 0; v < values.size(); ++v)
-    for (const double x : turns_of(values[v], ripple, [&](double interval) { return value_at(which[v], interval); }))
+  for (const auto& [value, samples] : turning_values())
+    for (const double x :
+         turns_of(samples, ripple, [&, of = value](double interval) { return value_at(of, interval); }))
       all.push_back(x);
   std::ranges::sort(all);
   std::vector<double> times;
@@ -413,7 +409,7 @@ template <int Dim> std::vector<std::pair<double, double>> LoadCurve<Dim>::jumps(
   return result;
 }
 
-/// A value at a multiple of intervals, over the largest of its load.
+/// A value at a multiple of intervals, over the largest of its kind.
 template <int Dim> double LoadCurve<Dim>::value_at(Index value, double intervals) const {
   return scales_[value] * at(end_ * intervals / intervals_)[value];
 }

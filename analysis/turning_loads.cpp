@@ -49,8 +49,8 @@ template <int Dim> std::vector<double> nearly_straight(const LoadCurve<Dim>& cur
   constexpr double of_chord = 0.1;
   const double largest = path.largest_step(), least = std::max(least_part * largest, path.min_step), end = path.end;
   const auto is_straight = [&](double from, double to) {
-    const double off = curve.deviation(from, to).distance;
-    return off <= bearable && (off <= ripple || off <= of_chord * curve.change(from, to));
+    const Deviation off = curve.deviation(from, to);
+    return off.distance <= bearable && (off.distance <= ripple || off.distance <= of_chord * off.change);
   };
   std::vector<double> ends;
   bool is_cut = false;
@@ -93,7 +93,7 @@ template <int Dim> double elastic_range_of(const LoadCurve<Dim>& curve, double k
   for (const auto& step : result.history) {
     const double now = step.stored + step.dissipated;
     work += std::abs(now - before);
-    change += curve.change(from, step.time);
+    change += curve.deviation(from, step.time).change;
     stored = std::max(stored, step.stored);
     before = now;
     from = step.time;

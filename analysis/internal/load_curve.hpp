@@ -12,8 +12,9 @@ namespace efree::internal {
 
 /// How far a curve is from a straight line, in units of what loads are over.
 struct Deviation {
-  double distance = 0.0;
-  std::string on;  ///< the part on which that load acts
+  double distance = 0.0;  ///< of a value, the largest
+  double change = 0.0;    ///< of a value along the line, the largest
+  std::string on;         ///< the part on which the load acts whose distance it is
 };
 
 /// The curve whose coordinates are the values of all loads and prescribed displacements at places of their parts, each
@@ -29,13 +30,11 @@ template <int Dim> class LoadCurve {
   bool is_followed() const { return is_followed_; }
   /// Where it ends [time].
   double known_until() const;
-  /// Whether it is displacements that change, too.
-  bool moves_supports() const { return moves_supports_; }
+  /// Whether displacements other than zero are prescribed.
+  bool moves_supports() const;
   /// The largest distance of values between two times from the straight line between the values at these. How fast it
   /// is followed does not matter.
   Deviation deviation(double from, double to) const;
-  /// The largest change of a value.
-  double change(double from, double to) const;
   /// Times of extremes, but for swings smaller than `ripple`, and of kinks, ascending.
   std::vector<double> turns(double ripple) const;
   /// Times before and after jumps larger than that, a billionth of the way apart.
@@ -49,6 +48,10 @@ template <int Dim> class LoadCurve {
     Index first, count;  ///< of its values in a sample
     Index size = 0;      ///< values at a place
   };
+  struct TurningValue {
+    Index number;  ///< in a sample
+    std::vector<double> samples;
+  };
   void find_places();
   std::vector<Load> loads_at(double time, Vector& values) const;
   Vector sample(double time) const;
@@ -58,7 +61,7 @@ template <int Dim> class LoadCurve {
   Deviation deviation(const Vector& value, const Vector& from, const Vector& to) const;
   std::vector<double> find_corners(double ripple) const;
   Index count_bad_intervals(double tolerance, Index checks) const;
-  std::vector<std::vector<double>> turning_values(std::vector<Index>* which = nullptr) const;
+  std::vector<TurningValue> turning_values() const;
   void double_samples();
   void find_scales();
 
@@ -70,7 +73,7 @@ template <int Dim> class LoadCurve {
   Vector scales_;                    ///< by value, one over the largest of its kind; 0 if that is zero
   std::vector<Vector> samples_;      ///< at even times from 0 on
   Index intervals_;                  ///< of these up to the end, were the curve not to end before
-  bool is_followed_ = false, moves_supports_ = false;
+  bool is_followed_ = false;
 };
 
 }  // namespace efree::internal

@@ -1,19 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/io/records/contact_forces.hpp"
 
-#include <fmt/format.h>
 #include <algorithm>
 
 namespace efree {
 namespace {
 
 std::string name_of(const ContactPartner& partner, const std::vector<std::string>& bodies) {
-  using enum ContactPartner::Kind;
-  if (partner.kind == body) {
-    const std::string& region = bodies[static_cast<std::size_t>(partner.number)];
-    return region.empty() ? "body" : region;
-  }
-  return fmt::format("{}.{}", partner.kind == wall ? "wall" : "rigid_body", partner.number);
+  if (partner.kind != ContactPartner::Kind::body) return rigid_partner_name(partner);
+  const std::string& region = bodies[static_cast<std::size_t>(partner.number)];
+  return region.empty() ? "body" : region;
 }
 
 }  // namespace
