@@ -43,11 +43,11 @@ Mat<3> tensor_of_stress(const Voigt<3>& s) {
   tensor << s[0], s[5], s[4], s[5], s[1], s[3], s[4], s[3], s[2];
   return tensor;
 }
-/// Energy density of layers with normal n and these shares and stiffnesses, whose strains along the layers are those of
-/// `strain` and whose traction is t.
-double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& layers, const Vec<3>& n,
-                        const Voigt<3>& strain, const Vec<3>& t) {
-  double energy = 0.0;
+/// Of layers with normal n and these shares and stiffnesses, whose strains along the layers are those of `strain` and
+/// whose traction is t: their energy density less the work of t on how they are stretched and sheared beyond `strain`.
+double potential_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& layers, const Vec<3>& n,
+                           const Voigt<3>& strain, const Vec<3>& t) {
+  double potential = 0.0;
   for (const auto& [share, C] : layers) {
     // strain + sym(a n), with a so that the traction is t.
     Mat<3> acoustic;
@@ -55,9 +55,9 @@ double energy_of_layers(const std::vector<std::pair<double, VoigtMatrix<3>>>& la
       acoustic.col(c) = tensor_of_stress(C * strain_of<3>(Mat<3>(Vec<3>::Unit(c) * n.transpose()).reshaped())) * n;
     const Vec<3> a = acoustic.inverse() * (t - tensor_of_stress(C * strain) * n);
     const Voigt<3> there = strain + strain_of<3>(Mat<3>(a * n.transpose()).reshaped());
-    energy += share * 0.5 * there.dot(C * there);
+    potential += share * (0.5 * there.dot(C * there) - t.dot(a));
   }
-  return energy;
+  return potential;
 }
 
 class MixedCells {
@@ -276,11 +276,9 @@ class MixedCells {
     if (along.cwiseAbs().maxCoeff() < least_aligned) return 0.0;
     const StressBeside beside = stress_beside(at, along).value_or(StressBeside{mean * strain, false});
     const Vec<3> n = solution_.axes * along, t = tensor_of_stress(beside.stress) * n;
-    const auto less = [&](const Voigt<3>& e, const Vec<3>& traction) {
-      return energy_of_layers(layers, n, e, traction) - energy_of_layers({{1.0, mean}}, n, e, traction);
-    };
     const double lacking =
-        all * solution_.grid.spacing.prod() * std::max(0.0, less(Voigt<3>::Zero(), t) - less(strain, Vec<3>::Zero()));
+        all * solution_.grid.spacing.prod() *
+        std::max(0.0, potential_of_layers({{1.0, mean}}, n, strain, t) - potential_of_layers(layers, n, strain, t));
     if (beside.is_soft || lacking == 0.0) return lacking;
     return lacking / (1.0 + lacking / most_in_patch(at, along, t));
   }

@@ -329,6 +329,34 @@ TEST(Cells, InterfacesWithinCellsAreInTheStatedError) {
   }
 }
 
+/// Layers that are pulled along themselves press on each other: each of the tractions across them, the strains along
+/// them and what both do together has its part in what cells lack. Closed form: the strains along the layers are
+/// uniform, those across them add up to nothing.
+TEST(Cells, InterfacesWithinCellsOfLayersPulledAlongThemselvesAreInTheStatedError) {
+  const double M1 = 1.0, nu1 = 0.25, contrast = 20.0, nu2 = 0.4, strain = 0.1 / 12.0;
+  const auto modulus = [](double M, double nu) { return M * (1.0 + nu) * (1.0 - 2.0 * nu) / (1.0 - nu); };
+  const double M2 = contrast * M1, lambda1 = M1 * nu1 / (1.0 - nu1), lambda2 = M2 * nu2 / (1.0 - nu2);
+  for (const Index interface : {13, 14, 17}) {
+    const auto image = image_of({12, 12, 31}, [&](const Vec<3>& x) -> Label { return x[2] < interface ? 1 : 2; });
+    const double d1 = static_cast<double>(interface), d2 = 31.0 - d1;
+    const double traction = (d1 * lambda1 / M1 + d2 * lambda2 / M2) * strain / (d1 / M1 + d2 / M2);
+    const auto energy = [&](double M, double lambda) {
+      return 0.5 * (M * strain + lambda * (traction - lambda * strain) / M) * strain;
+    };
+    const double exact = 144.0 * (d1 * energy(M1, lambda1) + d2 * energy(M2, lambda2));
+    std::vector<DisplacementCondition<3>> held{{"right", {}, [](const Vec<3>&) { return 0.1; }}};
+    for (const char* side : {"left", "front", "back", "bottom", "top"}) held.push_back(symmetry_plane<3>(side));
+    const CellSolution solution = solve_on_cells(
+        image, {{}, LinearElastic(modulus(M1, nu1), nu1), LinearElastic(modulus(M2, nu2), nu2)}, held, {});
+    const double truth = std::sqrt(solution.finest().strain_energy / exact - 1.0),
+                 stated = std::hypot(solution.grid_error, solution.interface_error);
+    EXPECT_GT(truth, 0.01);
+    EXPECT_GT(stated, 0.8 * truth) << interface;
+    EXPECT_LT(stated, 1.4 * truth) << interface;
+    EXPECT_NEAR(solution.extrapolated_energy, exact, 3e-3 * exact) << interface;
+  }
+}
+
 /// On cells smaller than the eighths of voxels whose shares are known, interfaces are as wide as these.
 TEST(Cells, CurvedInterfacesLackNothingMoreOnCellsSmallerThanVoxels) {
   const auto image =
