@@ -1,16 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/linear_check.hpp"
 #include "efree/analysis/internal/path_curves.hpp"
+#include "efree/analysis/internal/path_end.hpp"
 #include "efree/analysis/internal/paths.hpp"
 #include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/assembly/follower_pressure.hpp"
 #include "efree/core/error.hpp"
 #include "efree/core/internal/fingerprint.hpp"
 #include "efree/core/internal/setting_error.hpp"
-#include "efree/materials/plasticity.hpp"
 #include "efree/solvers/algorithms/modes.hpp"
-#include "efree/solvers/equations/locking.hpp"
 #include "efree/solvers/equations/nonlinear_equilibrium.hpp"
 #include "efree/solvers/linear/hybrid_solver.hpp"
 
@@ -34,21 +32,6 @@ template <int Dim> Program<Dim> program_of(const Settings<Dim>& settings) {
             loads.density = density;
             return loads;
           }};
-}
-
-template <class Test> bool materials_all(const ElasticModel& model, const Test& test) {
-  if (model.regions.empty()) return test(*model.material);
-  return std::ranges::all_of(model.regions, [&](const SharedMaterial& material) { return test(*material); });
-}
-
-/// The largest displacement gradient that a material of small strains sees.
-template <int Dim> double largest_of_small(const NonlinearEquilibrium<Dim>& equations, const PointFields<Dim>& points) {
-  const auto& quadrature = equations.approximation().quadrature;
-  double largest = 0.0;
-  for (Index K = 0; K < quadrature.size(); ++K)
-    if (!equations.materials().finite_strain(quadrature.region[K]))
-      largest = std::max(largest, (points.F.col(K) - trace_direction<Dim>()).norm());
-  return largest;
 }
 
 /// What materials remember at the quadrature points, by name.
@@ -84,79 +67,6 @@ Matrix recovered(const Approximation<Dim>& approximation, const Matrix& values, 
     if (values.row(row).minCoeff() >= 0.0) result.row(row) = result.row(row).cwiseMax(0.0);
   return result;
 }
-
-/// Says where the path becomes unstable.
-template <int Dim> void warn_of_instability(Result<Dim>& result) {
-  Index before = 0;
-  bool told = false;
-  for (const HistoryStep<Dim>& step : result.history) {
-    if (step.negative_pivots > 0 && before == 0) {
-      result.warnings.push_back(fmt::format(
-          "at time {:.6g} the body is not stable: its energy falls in {} direction{}{}", step.time,
-          step.negative_pivots, step.negative_pivots == 1 ? "" : "s", told ? "" : " (instability_mode in fields.vtu)"));
-      told = true;
-    }
-    before = step.negative_pivots;
-  }
-}
-
-/// Notes how far held boundaries are from what is prescribed, and warns where that is more than a per cent.
-template <int Dim> void warn_of_gap(const NonlinearEquilibrium<Dim>& equations, const State& at, Result<Dim>& result) {
-  constexpr double bearable = 0.01;
-  const auto& shape = equations.approximation().shape;
-  const double moved =
-      interpolate(shape, Points<Dim>(at.u.reshaped(Dim, shape.num_nodes()))).colwise().norm().maxCoeff();
-  if (!(moved > 0.0)) return;
-  result.gap = equations.largest_gap(at) / moved;
-  if (result.gap > bearable)
-    result.warnings.push_back(
-        fmt::format("boundaries are up to {:.2g} % of the largest displacement away from what is prescribed on them: "
-                    "analysis.essential = \"strong\" holds them at the nodes, a smaller spacing brings them nearer",
-                    100.0 * result.gap));
-}
-
-/// The end of a path that is told by a probe or a reaction.
-template <int Dim> class EndOfPath {
- public:
-  /// Throws InputError for a name that the settings do not have.
-  EndOfPath(const Settings<Dim>& settings, const PathEnd& end) : end_(end) {
-    const bool is_probe = end.of == PathEnd::Of::probe;
-    const auto found = std::ranges::find(settings.probes, end.name, &Probe<Dim>::name);
-    probe_ = static_cast<std::size_t>(found - settings.probes.begin());
-    const bool is_reaction =
-        std::ranges::find(settings.reactions, end.name, &Reaction::name) != settings.reactions.end() ||
-        std::ranges::find(settings.supports, end.name, &DisplacementCondition<Dim>::on) != settings.supports.end();
-    if (is_probe ? found == settings.probes.end() : !is_reaction)
-      throw SettingError("time.until",
-                         fmt::format("until: there is no {} \"{}\"", is_probe ? "probe" : "reaction", end.name));
-  }
-  double value(const HistoryStep<Dim>& step) const {
-    const Vec<Dim> all =
-        end_.of == PathEnd::Of::probe ? step.probes[probe_] : Vec<Dim>(step.reactions.at(end_.name).force);
-    return end_.component < 0 ? all.norm() : all[end_.component];
-  }
-  /// Whether the value comes to a bound if it changes as it has since an earlier step, for ten times as long.
-  bool is_near(const HistoryStep<Dim>& earlier, const HistoryStep<Dim>& last) const {
-    constexpr double times = 10.0;
-    const double now = value(last), later = now + times * (now - value(earlier));
-    return (end_.above && later > *end_.above) || (end_.below && later < *end_.below);
-  }
-  /// Whether the last step is beyond a bound that the beginning or an earlier one was not beyond.
-  bool is_passed(const std::vector<HistoryStep<Dim>>& history) const {
-    if (history.empty()) return false;
-    const auto passed = [&](const auto& is_beyond) {
-      return is_beyond(value(history.back())) &&
-             (!is_beyond(0.0) ||
-              !std::ranges::all_of(history, is_beyond, [&](const auto& step) { return value(step); }));
-    };
-    return (end_.above && passed([&](double value) { return value > *end_.above; })) ||
-           (end_.below && passed([&](double value) { return value < *end_.below; }));
-  }
-
- private:
-  PathEnd end_;
-  std::size_t probe_ = 0;
-};
 
 /// An analysis on its way through time: by linear elasticity as long as that is enough, if the settings leave that
 /// open, and by the full model.
@@ -459,13 +369,6 @@ template <int Dim> void estimate_path_errors(const Settings<Dim>& settings, cons
 
 }  // namespace
 
-bool softens(const ElasticModel& model) {
-  return !materials_all(model, [](const Material& material) {
-    const auto* plastic = dynamic_cast<const Plastic*>(&material);
-    return plastic == nullptr || !plastic->softens();
-  });
-}
-
 template <int Dim> std::uint64_t fingerprint(const Approximation<Dim>& approximation) {
   return Fingerprint()
       .add(approximation.space.mesh().vertices())
@@ -491,7 +394,6 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
         "case",
         "load cases share one matrix: materials have to be linear (analysis.model = \"linear\" takes them so), and "
         "nothing may change with time");
-  const ApproximationOptions& options = settings.common.approximation;
   approximate_once(settings, result, monitor);
   const NonlinearEquilibrium<Dim> full(result.approximation, result.model, program_of(settings));
   Walk<Dim> walk(settings, full, result, monitor);
@@ -506,37 +408,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
       !unknown.empty())
     estimate_path_errors(settings, unknown, coarsest, result, monitor);
   if (settings.estimated) warn_of_turning_loads(settings, result);
-  warn_of_instability(result);
-  warn_of_gap(equations, walk.at(), result);
-  if (options.kind == BasisKind::p1 &&
-      (flows(result.model) || incompressibility(result.model, *result.mesh) > bearable_incompressibility(options.kind)))
-    result.warnings.push_back(
-        "linear elements lock where materials flow or are nearly incompressible (nu > 0.4): the body is far stiffer "
-        "than it should be; take moving least squares, or quadratic elements");
-  const auto doubtful = doubts(settings.common.approximation, result.approximation);
-  result.warnings.insert(result.warnings.end(), doubtful.begin(), doubtful.end());
-  if (equations.finite_strain())
-    for (const auto& load : result.balance.loads)
-      if (load.kind == "pressure")
-        result.warnings.push_back(
-            fmt::format("pressure on \"{}\" acts on the area and along the normal at rest: it does not follow the "
-                        "body, as it would with follower = true",
-                        load.on));
-  if (settings.common.model.plane == Plane::stress)
-    for (const auto& load : result.balance.loads)
-      if (load.kind == "follower_pressure")
-        result.warnings.push_back(fmt::format(
-            "pressure on \"{}\" follows the body in its plane: it is per thickness at rest, not as it is", load.on));
-  if (const double strain = largest_of_small(equations, equations.fields(walk.at())); strain > 0.05)
-    result.warnings.push_back(
-        fmt::format("a material of small strains has displacement gradients of {:.2g}: take one of finite strains "
-                    "(strain = \"finite\", or a hyperelastic model)",
-                    strain));
-  if (result.history.back().dissipated > 0.0 && softens(result.model))
-    result.warnings.push_back(
-        "Loads beyond the peak and the dissipated energy may be too large by a factor of two and more (2.4 measured in "
-        "a bar that tears): a material softens, and strains localise in bands a few spacings of the cloud wide. "
-        "Compare clouds of several spacings");
+  warn_of_path(settings, equations, walk.at(), result);
 }
 
 template std::uint64_t fingerprint<2>(const Approximation<2>&);
