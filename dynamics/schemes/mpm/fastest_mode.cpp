@@ -3,6 +3,7 @@
 
 #include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/points.hpp"
+#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -88,7 +89,42 @@ template <int Dim> double FastestMode<Dim>::estimate(World<Dim>& world, PointGri
   return squared;
 }
 
+template <int Dim> void HighestFrequency<Dim>::add_strains(const PointGrid<Dim>& grid) {
+  strain_ = 0.0;
+  for (const Particles<Dim>& of : grid.particles) strain_ = std::max(strain_, of.strain);
+  strain_since_estimate_ += strain_;
+}
+
+template <int Dim> void HighestFrequency<Dim>::update(World<Dim>& world, PointGrid<Dim>& grid) {
+  constexpr Index interval = 16;     // steps
+  constexpr double margin = 1.25;    // points and grid move until the next estimate, which is from below
+  constexpr double most = 0.1;       // strain of a point since the last estimate
+  constexpr double violent = 0.03;   // strain of a point in a step, beyond which modes change too fast for estimates
+  constexpr double forgotten = 0.9;  // what is left of the last estimate where the next one is lower
+  auto start = std::chrono::steady_clock::now();
+  double fastest = 0.0;
+  for (const Particles<Dim>& of : grid.particles) fastest = std::max(fastest, of.fastest);
+  const bool has_mesh = std::ranges::any_of(grid.particles, [](const auto& of) { return of.mesh.has_value(); });
+  const auto estimate_now = [&] { return margin * std::sqrt(mode_.estimate(world, grid, value_ == 0.0 ? 8 : 2)); };
+  const double bound = fastest * std::sqrt(Dim * spline_stiffness(grid.degree())) / grid.cell();
+  if (has_mesh && strain_ > violent) {
+    value_ = std::max(bound, estimate_now());  // cells may be thinner than those of the grid
+  } else if (!has_mesh && (grid.degree() == 1 || strain_ > violent)) {
+    value_ = bound;  // of degree 1 nodes with next to no mass come and go faster than estimates
+  } else if (value_ == 0.0 || world.steps % interval == 0 || strain_since_estimate_ > most) {
+    strain_since_estimate_ = 0.0;
+    const double estimate = std::max(estimate_now(), forgotten * value_);
+    value_ = has_mesh ? estimate : std::min(bound, estimate);
+  } else if (fastest > wave_speed_) {
+    value_ *= fastest / wave_speed_;  // stiffer than at the last step
+  }
+  wave_speed_ = fastest;
+  world.ledger.add_time("stability", seconds_since(start));
+}
+
 template class FastestMode<2>;
 template class FastestMode<3>;
+template class HighestFrequency<2>;
+template class HighestFrequency<3>;
 
 }  // namespace efree::internal

@@ -9,6 +9,9 @@
 namespace efree::internal {
 namespace {
 
+/// Mass of a node, over that of a particle, below which the particle's contact does not act on it.
+constexpr double least_mass = 1e-6;
+
 /// A node of one body and one of another at the same place.
 template <int Dim> struct SharedNode {
   Index node[2];
@@ -163,7 +166,43 @@ template <int Dim> std::unique_ptr<Interaction<Dim>> grid_contact(const PointGri
   return std::make_unique<GridContact<Dim>>(grid, friction);
 }
 
-template std::unique_ptr<Interaction<2>> grid_contact(const PointGrid<2>&, double);
-template std::unique_ptr<Interaction<3>> grid_contact(const PointGrid<3>&, double);
+template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& world, const PointGrid<Dim>& grid,
+                                                          const RigidShape<Dim>& gap_at, double reach) {
+  std::vector<ContactPoints<Dim>> near(world.chunks.size());
+  parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
+    const Chunk<Dim>& chunk = world.chunks[c];
+    const Particles<Dim>& of = grid.particles[c];
+    const Points<Dim>& x = of.positions(chunk);
+    const Vec<Dim> low = x.rowwise().minCoeff(), high = x.rowwise().maxCoeff();
+    if (gap_at(0.5 * (low + high)).gap > 0.5 * (high - low).norm() + reach + grid.cell()) return;
+    for (Index p = 0; p < of.count(); ++p) {
+      Gap<Dim> gap = gap_at(x.col(p));
+      if (!(gap.gap < reach + grid.cell())) continue;
+      const double half = of.reach(chunk, p, gap.normal);
+      if (!((gap.gap -= half) < reach)) continue;
+      const Vec<Dim> at = x.col(p) - half * gap.normal;
+      near[c].begin_point(of.identity(world, chunk, p), at, gap);
+      // Splines there, of the nodes that there are.
+      for_each_site<Dim>(of.box, at.data(), [&](const std::array<std::ptrdiff_t, 3>& place, double N, const Vec<Dim>&) {
+        Site<Dim> site = of.low;
+        for (int i = 0; i < Dim; ++i) site[i] += static_cast<Index>(place[static_cast<std::size_t>(i)]);
+        const Index node = N > 0.0 ? grid.of_body(chunk.body).find(site) : -1;
+        if (node >= 0 && world.nodes.mass[node] > least_mass * of.masses(chunk)[p]) near[c].add_node(node, N);
+      });
+      near[c].end_point();
+    }
+  });
+  ContactPoints<Dim> result;
+  for (const auto& part : near) result.append(part);
+  return result;
+}
+
+#define EFREE_INSTANTIATE(Dim)                                                                                      \
+  template std::unique_ptr<Interaction<Dim>> grid_contact(const PointGrid<Dim>&, double);                           \
+  template ContactPoints<Dim> find_contact_points(const World<Dim>&, const PointGrid<Dim>&, const RigidShape<Dim>&, \
+                                                  double);
+EFREE_INSTANTIATE(2)
+EFREE_INSTANTIATE(3)
+#undef EFREE_INSTANTIATE
 
 }  // namespace efree::internal

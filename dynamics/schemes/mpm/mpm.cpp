@@ -6,13 +6,12 @@
 #include "efree/dynamics/schemes/mpm/internal/fastest_mode.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_contact.hpp"
 #include "efree/dynamics/schemes/mpm/internal/grid_functions.hpp"
-#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/internal/prescribed_points.hpp"
 #include "efree/dynamics/schemes/mpm/internal/separation.hpp"
-#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
+#include "efree/dynamics/schemes/mpm/internal/transfer_balance.hpp"
 
 #include <fmt/ranges.h>
 #include <Eigen/LU>
-#include <limits>
 #include <utility>
 
 namespace efree {
@@ -31,19 +30,6 @@ void require_options(const MpmOptions& options) {
     fail("remap is not for polypic, whose modes the grid of remapped velocities does not get");
   for (const double x : options.origin)
     if (!std::isfinite(x)) fail("expected an origin");
-}
-
-template <int Dim> double kinetic_energy(const Nodes<Dim>& nodes) {
-  return 0.5 * nodes.mass.dot(nodes.v.colwise().squaredNorm().transpose());
-}
-
-/// Momentum of a body's nodes. Sums in more digits: what they miss would be drift.
-template <int Dim> std::array<long double, Dim> sum_momentum(const World<Dim>& world, Index body) {
-  std::array<long double, Dim> sum{};
-  for (const Index a : world.nodes_of(body))
-    for (int i = 0; i < Dim; ++i)
-      sum[i] += static_cast<long double>(world.nodes.mass[a]) * static_cast<long double>(world.nodes.v(i, a));
-  return sum;
 }
 
 /// Velocities by which the points of a chunk move in a step, and their gradients, by columns: of this thread, for
@@ -83,7 +69,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   StrainBounds update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) override;
   void scatter_forces(const World<Dim>& world, Chunk<Dim>& chunk) override;
   void collect_forces(World<Dim>& world) override;
-  void find_prescribed(World<Dim>& world) override { grid_.find_prescribed(world); }
+  void find_prescribed(World<Dim>& world) override { internal::find_prescribed_nodes(world, grid_); }
   double largest_speed(const World<Dim>&) const override {
     double speed = 0.0;
     for (const Particles<Dim>& of : grid_.particles) speed = std::max(speed, of.speed);
@@ -101,9 +87,7 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
     return result;
   }
   std::optional<double> stable_step(const World<Dim>& world) const override;
-  void pack(Archive& archive) override {
-    archive(grid_.particles, owed_, fastest_, highest_frequency_, wave_speed_, strain_, strain_since_estimate_);
-  }
+  void pack(Archive& archive) override { archive(grid_.particles, balance_, frequency_); }
   void stop(World<Dim>& world) override {
     for (Particles<Dim>& of : grid_.particles) {
       of.v.setZero();
@@ -130,8 +114,6 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
   void transfer_to_particles(World<Dim>& world, Chunk<Dim>& chunk, Particles<Dim>& particles);
   void filter_velocities(World<Dim>& world);
   void remap_motion(World<Dim>& world);
-  void return_momentum(World<Dim>& world);
-  void estimate_frequency(World<Dim>& world);
   void move_points(Chunk<Dim>& chunk, Particles<Dim>& particles, const Points<Dim>& moved, double dt);
   void move_vertices(Chunk<Dim>& chunk, Particles<Dim>& particles, double dt);
   void find_power(const World<Dim>& world, const Chunk<Dim>& chunk, const double* stress,
@@ -139,14 +121,8 @@ template <int Dim> class Mpm final : public Scheme<Dim> {
 
   MpmOptions options_;
   internal::PointGrid<Dim> grid_;
-  internal::FastestMode<Dim> fastest_;
-  double highest_frequency_ = 0.0;                     ///< angular [1/time]
-  double wave_speed_ = 0.0;                            ///< largest, of pressure waves
-  double strain_ = 0.0, strain_since_estimate_ = 0.0;  ///< of a point, at most: in the last step, since then
-  // Of the grid that is left: its kinetic energy, and by body its momentum.
-  std::optional<double> energy_before_;
-  std::vector<std::array<long double, Dim>> momentum_before_;
-  Points<Dim> owed_;  ///< Dim x bodies, momentum that rounding has kept in transfers so far
+  internal::HighestFrequency<Dim> frequency_;
+  internal::TransferBalance<Dim> balance_;
 };
 
 template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const DeformableBody<Dim>> bodies) {
@@ -178,8 +154,7 @@ template <int Dim> void Mpm<Dim>::begin(World<Dim>& world, std::span<const Defor
     return internal::functions_on_grid(now, grid_, is_mesh, at, of);
   };
   grid_.tie(options_.ties, world.num_bodies());
-  momentum_before_.resize(world.num_bodies());
-  owed_.setZero(Dim, world.num_bodies());
+  balance_.begin(world.num_bodies());
   grid_.rebuild(world, true);
   // After prescribed velocities, before walls and rigid bodies.
   if (world.num_bodies() > 1 && world.options.contact.enabled)
@@ -290,8 +265,7 @@ template <int Dim> void Mpm<Dim>::move_vertices(Chunk<Dim>& chunk, Particles<Dim
 template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
   auto start = std::chrono::steady_clock::now();
   const double dt = world.last_step;
-  energy_before_ = kinetic_energy(world.nodes);
-  for (Index b = 0; b < world.num_bodies(); ++b) momentum_before_[b] = sum_momentum(world, b);
+  balance_.leave_grid(world);
   if (options_.transfer == Transfer::xpic) filter_velocities(world);
   grid_.for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
     transfer_to_particles(world, chunk, of);
@@ -304,9 +278,7 @@ template <int Dim> void Mpm<Dim>::refresh(World<Dim>& world, internal::StableSte
   world.ledger.add_time("transfers", seconds_since(start));
   grid_.rebuild(world, true);
   world.ledger.add_time("grid", seconds_since(start));
-  strain_ = 0.0;
-  for (const Particles<Dim>& of : grid_.particles) strain_ = std::max(strain_, of.strain);
-  strain_since_estimate_ += strain_;
+  frequency_.add_strains(grid_);
 }
 
 template <int Dim> StrainBounds Mpm<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
@@ -377,80 +349,20 @@ template <int Dim> void Mpm<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   grid_.take_slots(chunk, particles);
 }
 
-/// Transfers round in much the same way in every step: what that comes to goes back to the nodes when they can hold it.
-template <int Dim> void Mpm<Dim>::return_momentum(World<Dim>& world) {
-  for (Index b = 0; b < world.num_bodies(); ++b) {
-    const auto nodes = world.nodes_of(b);
-    const auto after = sum_momentum(world, b);
-    double mass = 0.0, fastest = 0.0;
-    for (const Index a : nodes) {
-      mass += world.nodes.mass[a];
-      fastest = std::max(fastest, world.nodes.v.col(a).cwiseAbs().maxCoeff());
-    }
-    for (int i = 0; i < Dim; ++i) {
-      owed_(i, b) += static_cast<double>(momentum_before_[b][i] - after[i]);
-      const double change = owed_(i, b) / mass;
-      if (!(std::abs(change) > 4.0 * std::numeric_limits<double>::epsilon() * fastest)) continue;
-      for (const Index a : nodes) {
-        const double before = world.nodes.v(i, a);
-        world.nodes.v(i, a) += change;
-        owed_(i, b) -= world.nodes.mass[a] * (world.nodes.v(i, a) - before);
-      }
-    }
-  }
-}
-
 template <int Dim> void Mpm<Dim>::collect_forces(World<Dim>& world) {
   efree::collect_forces(world, world.nodes.force);
   grid_.collect_velocities(world);
-  grid_.find_prescribed(world);
-  estimate_frequency(world);
+  internal::find_prescribed_nodes(world, grid_);
+  frequency_.update(world, grid_);
   Index separated = 0;
   for (Particles<Dim>& of : grid_.particles) separated += std::exchange(of.newly_separated, 0);
   world.ledger.add_count("separated points", separated);
-  if (!energy_before_) return;
-  return_momentum(world);
-  // Of velocities half a step ago, and half a step of the forces now, as everywhere in the balance: that half is of
-  // velocities before and after the transfer, too.
-  double power = -world.nodes.force.cwiseProduct(world.nodes.v).sum();
-  for (const Particles<Dim>& of : grid_.particles) power += of.power + of.lost_power;
-  world.ledger.add_energy("transfer", EnergyKind::transfer,
-                          *energy_before_ - kinetic_energy(world.nodes) + 0.5 * world.last_step * power);
-  energy_before_.reset();
-}
-
-template <int Dim> void Mpm<Dim>::estimate_frequency(World<Dim>& world) {
-  constexpr Index interval = 16;     // steps
-  constexpr double margin = 1.25;    // points and grid move until the next estimate, which is from below
-  constexpr double most = 0.1;       // strain of a point since the last estimate
-  constexpr double violent = 0.03;   // strain of a point in a step, beyond which modes change too fast for estimates
-  constexpr double forgotten = 0.9;  // what is left of the last estimate where the next one is lower
-  auto start = std::chrono::steady_clock::now();
-  double fastest = 0.0;
-  for (const Particles<Dim>& of : grid_.particles) fastest = std::max(fastest, of.fastest);
-  const bool has_mesh = std::ranges::any_of(grid_.particles, [](const auto& of) { return of.mesh.has_value(); });
-  const auto estimate_now = [&] {
-    return margin * std::sqrt(fastest_.estimate(world, grid_, highest_frequency_ == 0.0 ? 8 : 2));
-  };
-  const double bound = fastest * std::sqrt(Dim * internal::spline_stiffness(options_.degree)) / options_.cell;
-  if (has_mesh && strain_ > violent) {
-    highest_frequency_ = std::max(bound, estimate_now());  // cells may be thinner than those of the grid
-  } else if (!has_mesh && (options_.degree == 1 || strain_ > violent)) {
-    highest_frequency_ = bound;  // of degree 1 nodes with next to no mass come and go faster than estimates
-  } else if (highest_frequency_ == 0.0 || world.steps % interval == 0 || strain_since_estimate_ > most) {
-    strain_since_estimate_ = 0.0;
-    const double estimate = std::max(estimate_now(), forgotten * highest_frequency_);
-    highest_frequency_ = has_mesh ? estimate : std::min(bound, estimate);
-  } else if (fastest > wave_speed_) {
-    highest_frequency_ *= fastest / wave_speed_;  // stiffer than at the last step
-  }
-  wave_speed_ = fastest;
-  world.ledger.add_time("stability", seconds_since(start));
+  balance_.take_grid(world, grid_);
 }
 
 template <int Dim> std::optional<double> Mpm<Dim>::stable_step(const World<Dim>& world) const {
   // No point moves by more than a cell.
-  return std::min(world.options.courant * 2.0 / highest_frequency_, options_.cell / largest_speed(world));
+  return std::min(world.options.courant * 2.0 / frequency_.value(), options_.cell / largest_speed(world));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include "efree/dynamics/schemes/mpm/internal/point_grid.hpp"
 #include "efree/core/error.hpp"
-#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
-#include "efree/dynamics/schemes/mpm/internal/spline.hpp"
 
 #include <fmt/ranges.h>
 #include <atomic>
@@ -20,8 +19,6 @@ Index first_site(double position, int degree) {
 constexpr double most_slots = 4096;
 /// Slots around a single cell of a Lagrangian mesh.
 constexpr double most_slots_of_one = 1e6;
-/// Mass of a node, over that of a point, below which the point's contact does not act on it.
-constexpr double least_mass = 1e-6;
 /// Sites that a grid can number, on either side of its origin.
 constexpr double most_cells = 4e6;
 
@@ -253,10 +250,23 @@ template <int Dim> double* PointGrid<Dim>::modes(const Particles<Dim>& of, int c
 }
 
 namespace {
+
 AlignedVector<double>& scatter_room() {
   thread_local AlignedVector<double> rooms;
   return rooms;
 }
+
+/// Four of the eight numbers of every slot, by local number of a node.
+template <int Dim> void copy_slots(const Particles<Dim>& of, int first, AlignedVector<double>& to) {
+  const double* slots = scatter_room().data() + first;
+  for (std::size_t l = 0; l < of.slots.size(); ++l)
+    std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, to.data() + 4 * l);
+}
+
+template <int Dim> Vec<Dim> velocity_by(const Eigen::Vector4d& momentum) {
+  return momentum[3] > 0.0 ? Vec<Dim>(momentum.head<Dim>() / momentum[3]) : Vec<Dim>::Zero();
+}
+
 }  // namespace
 
 template <int Dim> double* PointGrid<Dim>::clear_slots(const Particles<Dim>& of) const {
@@ -266,40 +276,36 @@ template <int Dim> double* PointGrid<Dim>::clear_slots(const Particles<Dim>& of)
 }
 
 template <int Dim> void PointGrid<Dim>::take_slots(Chunk<Dim>& chunk, Particles<Dim>& of) const {
-  const double* slots = scatter_room().data();
-  for (std::size_t l = 0; l < of.slots.size(); ++l)
-    std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.momentum.data() + 4 * l);
+  take_momenta(of, of.momentum);
   take_forces(chunk, of);
 }
 
-template <int Dim> void PointGrid<Dim>::take_forces(Chunk<Dim>& chunk, const Particles<Dim>& of) const {
-  const double* slots = scatter_room().data();
-  for (std::size_t l = 0; l < of.slots.size(); ++l)
-    std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]) + 4, 4, chunk.table.force.data() + 4 * l);
+template <int Dim> void PointGrid<Dim>::take_momenta(const Particles<Dim>& of, AlignedVector<double>& momenta) const {
+  copy_slots(of, 0, momenta);
 }
 
-namespace {
+template <int Dim> void PointGrid<Dim>::take_forces(Chunk<Dim>& chunk, const Particles<Dim>& of) const {
+  copy_slots(of, 4, chunk.table.force);
+}
 
-/// Four numbers of a node, by those of the chunks.
-template <int Dim> Eigen::Vector4d collect(const World<Dim>& world, const std::vector<Particles<Dim>>& particles,
-                                           AlignedVector<double> Particles<Dim>::*numbers, Index node) {
+template <int Dim> Eigen::Vector4d PointGrid<Dim>::sum_at_node(const World<Dim>& world,
+                                                               AlignedVector<double> Particles<Dim>::*momenta,
+                                                               Index node) const {
   Eigen::Vector4d sum = Eigen::Vector4d::Zero();
   const NodeChunks& chunks = world.node_chunks;
   for (Index k = chunks.offsets[node]; k < chunks.offsets[node + 1]; ++k) {
     const auto [chunk, local] = chunks.places[k];
-    sum += Eigen::Map<const Eigen::Vector4d>((particles[chunk].*numbers).data() + 4 * local);
+    sum += Eigen::Map<const Eigen::Vector4d>((particles[chunk].*momenta).data() + 4 * local);
   }
   return sum;
 }
 
-}  // namespace
-
 template <int Dim> void PointGrid<Dim>::collect_velocities(World<Dim>& world) const {
   Nodes<Dim>& nodes = world.nodes;
   parallel_for(nodes.size(), [&](Index a) {
-    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::momentum, a);
+    const Eigen::Vector4d sum = sum_at_node(world, &Particles<Dim>::momentum, a);
     nodes.mass[a] = sum[3];
-    nodes.v.col(a) = sum[3] > 0.0 ? Vec<Dim>(sum.template head<Dim>() / sum[3]) : Vec<Dim>::Zero();
+    nodes.v.col(a) = velocity_by<Dim>(sum);
   });
 }
 
@@ -311,143 +317,12 @@ Points<Dim> PointGrid<Dim>::velocities_of(World<Dim>& world,
     take_slots(chunk, of);
   });
   Points<Dim> result(Dim, world.nodes.size());
-  parallel_for(world.nodes.size(), [&](Index a) {
-    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::momentum, a);
-    result.col(a) = sum[3] > 0.0 ? Vec<Dim>(sum.template head<Dim>() / sum[3]) : Vec<Dim>::Zero();
-  });
+  parallel_for(world.nodes.size(),
+               [&](Index a) { result.col(a) = velocity_by<Dim>(sum_at_node(world, &Particles<Dim>::momentum, a)); });
   return result;
 }
 
-template <int Dim> void PointGrid<Dim>::find_prescribed(World<Dim>& world) {
-  if (world.prescribed_points.empty()) return;
-  world.find_prescribed_places();
-  Vector speed(world.num_points());
-  std::vector<char> held(world.num_points());
-  for (int axis = 0; axis < Dim; ++axis) {
-    std::ranges::fill(held, 0);
-    bool any = false, varies = false;
-    for (const auto& group : world.prescribed_points) {
-      if (group.axis != axis) continue;
-      any = true;
-      varies |= group.velocity.minCoeff() < group.velocity.maxCoeff();
-      for (std::size_t k = 0; k < group.points.size(); ++k) {
-        held[group.points[k]] = 1;
-        speed[group.points[k]] = group.velocity[static_cast<Index>(k)];
-      }
-    }
-    if (!any) continue;
-    // Gradients are found from the field that they make: each pass halves their error, one a step is enough later.
-    constexpr int first_passes = 10;
-    const bool has_gradients = std::ranges::any_of(particles, [&](const Particles<Dim>& of) {
-      for (int j = 0; j < Dim && of.held_gradient.size() > 0; ++j)
-        if (!of.held_gradient.row(axis + Dim * j).isZero(0.0)) return true;
-      return false;
-    });
-    for (int pass = 0; pass < (varies && !has_gradients ? first_passes : 1); ++pass) {
-      scatter_held(world, held, speed, axis, varies);
-      if (varies) gather_held(world, axis);
-    }
-    for (Index a = 0; a < world.nodes.size(); ++a) {
-      const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::held, a);
-      if (sum[3] >= 0.5 * world.nodes.mass[a] && sum[3] > 0.0) world.prescribed.push_back({a, axis, sum[0] / sum[3]});
-    }
-  }
-  world.find_free_axes();
-}
-
-template <int Dim> void PointGrid<Dim>::scatter_held(World<Dim>& world, const std::vector<char>& held,
-                                                     const Vector& speed, int axis, bool varies) {
-  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    of.held.assign(of.momentum.size(), 0.0);
-    const bool has_gradient = varies && of.held_gradient.size() > 0;
-    Vector mass = Vector::Zero(of.count());
-    Points<Dim> v = Points<Dim>::Zero(Dim, of.count());
-    Points<Dim* Dim> motion = Points<Dim * Dim>::Zero(Dim * Dim, has_gradient ? of.count() : 0);
-    bool any = false;
-    for (Index p = 0; p < chunk.size(); ++p) {
-      const Index point = world.point_number(chunk, p);
-      if (held[point] == 0) continue;
-      of.for_each_share(chunk, p, [&](Index particle, double share) {
-        mass[particle] += share;
-        v(0, particle) += share * speed[point];
-        // At a vertex, not in the middle of the cell.
-        const Vec<Dim> apart = of.positions(chunk).col(particle) - chunk.matter.x.col(p);
-        for (int j = 0; has_gradient && j < Dim; ++j)
-          v(0, particle) += share * of.held_gradient(axis + Dim * j, particle) * apart[j];
-      });
-      any = true;
-    }
-    if (!any) return;
-    for (Index k = 0; k < of.count(); ++k) {
-      if (mass[k] == 0.0) continue;
-      v(0, k) /= mass[k];
-      for (int j = 0; has_gradient && j < Dim; ++j) motion(Dim * j, k) = of.held_gradient(axis + Dim * j, k);
-    }
-    double* slots = clear_slots(of);
-    scatter(of.count(), of.box,
-            {.x = of.positions(chunk).data(),
-             .mass = mass.data(),
-             .v = v.data(),
-             .motion = has_gradient ? motion.data() : nullptr},
-            slots);
-    for (std::size_t l = 0; l < of.slots.size(); ++l)
-      std::copy_n(slots + 8 * static_cast<std::ptrdiff_t>(of.slots[l]), 4, of.held.data() + 4 * l);
-  });
-}
-
-/// Also of other particles of these chunks, whose gradients mean nothing and are not used.
-template <int Dim> void PointGrid<Dim>::gather_held(World<Dim>& world, int axis) {
-  Points<Dim> field = Points<Dim>::Zero(Dim, world.nodes.size());
-  parallel_for(world.nodes.size(), [&](Index a) {
-    const Eigen::Vector4d sum = collect(world, particles, &Particles<Dim>::held, a);
-    if (sum[3] > 0.0) field(0, a) = sum[0] / sum[3];
-  });
-  for_each_chunk(world, [&](Chunk<Dim>& chunk, Particles<Dim>& of) {
-    if (std::ranges::all_of(of.held, [](double number) { return number == 0.0; })) return;
-    if (of.held_gradient.size() == 0) of.held_gradient.setZero(Dim * Dim, of.count());
-    const double* column = gather(chunk, of, field);
-    for (Index p = 0; p < of.count(); ++p, column += 4 * gathered_columns)
-      for (int j = 0; j < Dim; ++j) of.held_gradient(axis + Dim * j, p) = column[4 * (4 + j)];
-  });
-}
-
-template <int Dim> ContactPoints<Dim> find_contact_points(const World<Dim>& world, const PointGrid<Dim>& grid,
-                                                          const RigidShape<Dim>& gap_at, double reach) {
-  std::vector<ContactPoints<Dim>> near(world.chunks.size());
-  parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
-    const Chunk<Dim>& chunk = world.chunks[c];
-    const Particles<Dim>& of = grid.particles[c];
-    const Points<Dim>& x = of.positions(chunk);
-    const Vec<Dim> low = x.rowwise().minCoeff(), high = x.rowwise().maxCoeff();
-    if (gap_at(0.5 * (low + high)).gap > 0.5 * (high - low).norm() + reach + grid.cell()) return;
-    for (Index p = 0; p < of.count(); ++p) {
-      Gap<Dim> gap = gap_at(x.col(p));
-      if (!(gap.gap < reach + grid.cell())) continue;
-      const double half = of.reach(chunk, p, gap.normal);
-      if (!((gap.gap -= half) < reach)) continue;
-      const Vec<Dim> at = x.col(p) - half * gap.normal;
-      near[c].begin_point(of.identity(world, chunk, p), at, gap);
-      // Splines there, of the nodes that there are.
-      for_each_site<Dim>(of.box, at.data(), [&](const std::array<std::ptrdiff_t, 3>& place, double N, const Vec<Dim>&) {
-        Site<Dim> site = of.low;
-        for (int i = 0; i < Dim; ++i) site[i] += static_cast<Index>(place[static_cast<std::size_t>(i)]);
-        const Index node = N > 0.0 ? grid.of_body(chunk.body).find(site) : -1;
-        if (node >= 0 && world.nodes.mass[node] > least_mass * of.masses(chunk)[p]) near[c].add_node(node, N);
-      });
-      near[c].end_point();
-    }
-  });
-  ContactPoints<Dim> result;
-  for (const auto& part : near) result.append(part);
-  return result;
-}
-
-#define EFREE_INSTANTIATE(Dim)                                                                                      \
-  template class PointGrid<Dim>;                                                                                    \
-  template ContactPoints<Dim> find_contact_points(const World<Dim>&, const PointGrid<Dim>&, const RigidShape<Dim>&, \
-                                                  double);
-EFREE_INSTANTIATE(2)
-EFREE_INSTANTIATE(3)
-#undef EFREE_INSTANTIATE
+template class PointGrid<2>;
+template class PointGrid<3>;
 
 }  // namespace efree::internal

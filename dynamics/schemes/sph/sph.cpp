@@ -1,34 +1,28 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "efree/dynamics/schemes/sph/sph.hpp"
 
-#include "efree/core/aligned.hpp"
 #include "efree/core/internal/random.hpp"
 #include "efree/dynamics/internal/power_iteration.hpp"
 #include "efree/dynamics/points.hpp"
 #include "efree/dynamics/schemes/sph/internal/increment.hpp"
 #include "efree/dynamics/schemes/sph/internal/lattice_waves.hpp"
-#include "efree/dynamics/schemes/sph/internal/mirrored_sums.hpp"
+#include "efree/dynamics/schemes/sph/internal/particle_sums.hpp"
 #include "efree/dynamics/schemes/sph/internal/particle_tensors.hpp"
-#include "efree/dynamics/schemes/sph/internal/splitting.hpp"
 #include "efree/dynamics/schemes/sph/internal/wall_contacts.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <type_traits>
 #include <utility>
 
 namespace efree {
 namespace {
 
-using internal::LocalParticles, internal::ParticlePairs, internal::put_tensor, internal::tensor_at,
-    internal::tensor_size;
+using internal::of_particle, internal::tensor_at, internal::tensor_size;
 
 /// Steps between estimates of the highest frequency, a margin for what comes until the next, and what is left of the
 /// last estimate where the next one is lower.
 constexpr Index estimate_interval = 16;
 constexpr double margin = 1.25, forgotten = 0.9;
-/// How much further than the support, over the smoothing length, pairs are listed.
-constexpr double list_skin = 0.25;
 /// What a volume counts for at most, over that at rest. Rates are by the volume of a particle: that of one which flies
 /// off would grow by itself.
 constexpr double largest_volume = 1.5;
@@ -65,22 +59,6 @@ template <int Dim> double volume_ratio(const Matter<Dim>& matter, Index p) {
   return std::min(matter.J_ratio[p], largest_volume);
 }
 
-/// The tensor of a particle among those of all.
-template <class Tensors> auto of_particle(Tensors& tensors, Index particle) {
-  constexpr int Dim = std::remove_cvref_t<Tensors>::RowsAtCompileTime == 4 ? 2 : 3;
-  using Tensor = std::conditional_t<std::is_const_v<Tensors>, const Mat<Dim>, Mat<Dim>>;
-  return Eigen::Map<Tensor>(tensors.col(particle).data());
-}
-
-/// Arrays by local number, of this thread.
-struct LocalArrays {
-  AlignedVector<double> x, v, stress, artificial, density, sums, moments;
-};
-LocalArrays& local_arrays() {
-  thread_local LocalArrays arrays;
-  return arrays;
-}
-
 template <int Dim> class Sph final : public Scheme<Dim> {
  public:
   explicit Sph(const SphOptions& options) : options_(options) { require_options(options); }
@@ -105,26 +83,16 @@ template <int Dim> class Sph final : public Scheme<Dim> {
     return world.options.courant * internal::damped_step(margin * frequency_, rate);
   }
   void pack(Archive& archive) override {
-    archive(sizes_.smoothing, sizes_.splits, x_listed_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
+    archive(sizes_.smoothing, sizes_.splits, lists_, viscous_power_, artificial_power_, wave_rate_, approach_rate_);
     archive(frequency_, mode_, estimates_, correction_, contacts_, wall_forces_);
   }
-  void resume(World<Dim>& world) override { list_pairs(world, x_listed_); }
+  void resume(World<Dim>& world) override { list_pairs(world, lists_.positions()); }
   const WallForces<Dim>* wall_forces() const override { return &wall_forces_; }
 
  private:
   void list_pairs(const World<Dim>& world, const Points<Dim>& x);
-  bool lists_are_due(const World<Dim>& world) const;
   void estimate_frequency(const World<Dim>& world, int products);
-  LocalParticles local_particles(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
-                                 double ago) const;
-  void sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs, double ago, double* rates,
-                 double* moments) const;
-  void sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const;
-  internal::MirroredParticles<Dim> mirrored(const World<Dim>& world, const Points<Dim>& v, double ago) const {
-    return {images_, options_.kernel, world.nodes.x, v, ago, world.nodes.mass, sizes_.smoothing, sizes_.pressed};
-  }
-  std::vector<internal::LostPower> sum_forces(const World<Dim>& world, const Points<Dim>& v, internal::PairForces by,
-                                              Points<Dim>& forces, WallForces<Dim>* wall_forces) const;
+  internal::ParticleSums<Dim> sums(const World<Dim>& world) const { return {world, lists_, sizes_, options_.kernel}; }
 
   SphOptions options_;
   double damping_ = 0.0;    ///< fastest damping by a viscosity of one, times the smoothing length over the wave speed
@@ -134,17 +102,12 @@ template <int Dim> class Sph final : public Scheme<Dim> {
   Points<Dim> mode_;            ///< Dim x N, with that frequency
   std::int64_t estimates_ = 0;
   internal::ParticleSizes sizes_;
-  double smallest_size_ = 0.0;        ///< smallest smoothing length
-  std::vector<ParticlePairs> pairs_;  ///< by chunk
-  std::vector<double> wave_rates_;    ///< likewise
-  Points<Dim> x_listed_;              ///< positions where pairs were listed
-  std::vector<internal::WallImage<Dim>> images_;
-  std::size_t num_walls_ = 0;  ///< that these are of
+  internal::PairLists<Dim> lists_;
+  std::vector<double> wave_rates_;  ///< largest speed of pressure waves over the smoothing length, by chunk
   internal::WallContacts<Dim> contacts_;
   WallForces<Dim> wall_forces_;
-  // By particle, as sum_forces takes them, tensors by their columns. Empty: none.
-  Points<Dim * Dim> stress_, artificial_, correction_;
-  AlignedVector<double> density_;
+  internal::ParticleStresses<Dim> stresses_;
+  Points<Dim * Dim> correction_;                         ///< of gradients, by particle, by columns; empty: none
   double viscous_power_ = 0.0, artificial_power_ = 0.0;  ///< lost at the last step
   bool counts_power_ = false;
 };
@@ -175,32 +138,15 @@ template <int Dim> void Sph<Dim>::begin(World<Dim>& world, std::span<const Defor
 }
 
 template <int Dim> void Sph<Dim>::list_pairs(const World<Dim>& world, const Points<Dim>& x) {
-  if (!x.allFinite()) throw NumericalError(fmt::format("at time {:.6g} particles are nowhere", world.time));
-  std::vector<std::vector<Index>> particles(world.chunks.size());
-  std::vector<std::span<const Index>> chunks;
-  for (std::size_t c = 0; c < world.chunks.size(); ++c) {
-    const Chunk<Dim>& chunk = world.chunks[c];
-    for (Index p = 0; p < chunk.size(); ++p) particles[c].push_back(world.point_number(chunk, p));
-    chunks.emplace_back(particles[c]);
-  }
-  images_ = internal::images_by(world.walls);
-  num_walls_ = world.walls.size();
-  internal::find_pairs<Dim>(x, sizes_.smoothing, kernel_support + list_skin, chunks, images_, pairs_);
-  x_listed_ = x;
-  smallest_size_ = sizes_.smoothing.minCoeff();
+  lists_.update(world, x, sizes_.smoothing);
   const Index n = world.nodes.size();
   wave_rates_.resize(world.chunks.size());
-  stress_.resize(Eigen::NoChange, n);
+  stresses_.stress.resize(Eigen::NoChange, n);
+  stresses_.artificial.resize(Eigen::NoChange, options_.artificial_stress.strength > 0.0 ? n : 0);
+  stresses_.density.resize(static_cast<std::size_t>(2 * n));
   correction_.conservativeResize(Eigen::NoChange, options_.corrected ? n : 0);
-  artificial_.resize(Eigen::NoChange, options_.artificial_stress.strength > 0.0 ? n : 0);
-  density_.resize(static_cast<std::size_t>(2 * n));
   contacts_.resize(static_cast<std::size_t>(n));
-  wall_forces_.nodes.clear();
-  for (const ParticlePairs& pairs : pairs_)
-    for (Index last = -1; const internal::MirroredPair& pair : pairs.mirrored)
-      if (const Index own = static_cast<Index>(pair.own); std::exchange(last, own) != own)
-        wall_forces_.nodes.push_back(pairs.particles[own]);
-  std::ranges::sort(wall_forces_.nodes);
+  wall_forces_.nodes = lists_.particles_at_walls();
 }
 
 /// Power iteration with the stiffness of the particles against any strain as against that of a pressure wave, which is
@@ -220,114 +166,55 @@ template <int Dim> void Sph<Dim>::estimate_frequency(const World<Dim>& world, in
   const auto multiply = [&](const Points<Dim>& mode, Points<Dim>& forces) {
     parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&](Index c, Index) {
       const Chunk<Dim>& chunk = world.chunks[c];
-      const ParticlePairs& pairs = pairs_[c];
-      AlignedVector<double>& rates = local_arrays().sums;
-      rates.resize(std::max(rates.size(), static_cast<std::size_t>(size * pairs.all())));
-      sum_rates(world, mode, pairs, 0.0, rates.data(), nullptr);
+      const double* rates = sums(world).rates(c, mode, 0.0, false).first;
       for (Index p = 0; p < chunk.size(); ++p) {
         const Matter<Dim>& matter = chunk.matter;
-        const Index a = pairs.particles[p];
+        const Index a = world.point_number(chunk, p);
         const double before = matter.volume[p] * volume_ratio(matter, p) / matter.mass[p];
         const Mat<Dim> correction =
             options_.corrected ? Mat<Dim>(of_particle(correction_, a)) : Mat<Dim>(Mat<Dim>::Identity());
         // Stresses over the square of the density, by the mass of the particle as it is at rest.
         const double stiffness = before * before * matter.modulus[p] * matter.volume[p] / matter.mass[p];
-        of_particle(stress_, a) = stiffness * tensor_at<Dim>(rates.data() + size * p) * correction * correction;
+        of_particle(stresses_.stress, a) = stiffness * tensor_at<Dim>(rates + size * p) * correction * correction;
       }
     });
-    sum_forces(world, mode, {}, forces, nullptr);
+    sums(world).forces(mode, stresses_, {}, forces, nullptr);
     forces = -forces;
   };
   const double squared = internal::power_iteration<Dim>(world.nodes.mass, products, multiply, mode_);
   frequency_ = std::max(std::sqrt(squared), forgotten * frequency_);
 }
 
-/// Whether particles or images of them that are not listed may have come within the support of each other.
-template <int Dim> bool Sph<Dim>::lists_are_due(const World<Dim>& world) const {
-  if (num_walls_ != world.walls.size()) return true;
-  const Points<Dim> moved = world.nodes.x - x_listed_;
-  // What all have moved together brings no particles closer to each other, but images of them.
-  double furthest = (moved.colwise() - Vec<Dim>(moved.rowwise().mean())).colwise().squaredNorm().maxCoeff();
-  for (const Wall<Dim>& wall : world.walls) {
-    const double nearest = (wall.normal.transpose() * world.nodes.x).minCoeff() - wall.level;
-    if (nearest > kernel_support * sizes_.smoothing.maxCoeff()) continue;
-    const double approach = std::max(0.0, -(wall.normal.transpose() * moved).minCoeff());
-    furthest += approach * approach;
-  }
-  const double most = 0.5 * list_skin * smallest_size_;
-  return !(furthest < most * most);
-}
-
 template <int Dim> void Sph<Dim>::refresh(World<Dim>& world, internal::StableStep<Dim>&) {
   auto start = std::chrono::steady_clock::now();
   counts_power_ = true;
-  contacts_.find_pressed(pairs_, images_, sizes_.pressed);
+  contacts_.find_pressed(lists_.pairs(), lists_.images(), sizes_.pressed);
   const Points<Dim>& x = world.nodes.x;
   const bool due = options_.splitting.strain > 0.0 && world.steps % splitting_interval == 0;
   if (const Index split = due ? internal::split_particles(world, options_.splitting, sizes_) : 0; split > 0) {
     world.ledger.add_count("split particles", split);
-    const double smallest_before = smallest_size_;
+    const double smallest_before = lists_.smallest_smoothing();
     list_pairs(world, x);
-    frequency_ *= smallest_before / smallest_size_;
+    frequency_ *= smallest_before / lists_.smallest_smoothing();
   }
-  if (lists_are_due(world)) list_pairs(world, x);
+  if (lists_.is_due(world, sizes_.smoothing)) list_pairs(world, x);
   world.ledger.add_time("pairs", seconds_since(start));
-}
-
-/// Particles with these velocities, where they were that time ago by them.
-template <int Dim> LocalParticles Sph<Dim>::local_particles(const World<Dim>& world, const Points<Dim>& velocities,
-                                                            const ParticlePairs& pairs, double ago) const {
-  LocalArrays& arrays = local_arrays();
-  const auto n = static_cast<std::size_t>(pairs.all());
-  arrays.x.resize(std::max(arrays.x.size(), 4 * n));
-  arrays.v.resize(arrays.x.size());
-  const Nodes<Dim>& nodes = world.nodes;
-  bool one_size = true;
-  for (std::size_t l = 0; l < n; ++l) {
-    const Index a = pairs.particles[l];
-    double *x = arrays.x.data() + 4 * l, *v = arrays.v.data() + 4 * l;
-    x[2] = v[2] = 0.0;
-    for (int i = 0; i < Dim; ++i) {
-      v[i] = velocities(i, a);
-      x[i] = nodes.x(i, a) - ago * v[i];
-    }
-    x[3] = 1.0 / sizes_.smoothing[a];
-    v[3] = nodes.mass[a];
-    one_size = one_size && x[3] == arrays.x[3];
-  }
-  return {.dim = Dim, .kernel = options_.kernel, .one_size = one_size, .x = arrays.x.data(), .v = arrays.v.data()};
-}
-
-template <int Dim> void Sph<Dim>::sum_rates(const World<Dim>& world, const Points<Dim>& v, const ParticlePairs& pairs,
-                                            double ago, double* rates, double* moments) const {
-  internal::sum_rates(pairs, local_particles(world, v, pairs, ago), rates, moments);
-  internal::add_mirrored_rates(pairs, mirrored(world, v, ago), rates, moments);
-}
-
-/// The moments of sum_rates where particles are now, which are the gradients of their positions.
-template <int Dim>
-void Sph<Dim>::sum_moments(const World<Dim>& world, const ParticlePairs& pairs, double* moments) const {
-  internal::sum_rates(pairs, local_particles(world, world.nodes.x, pairs, 0.0), moments);
-  internal::add_mirrored_rates(pairs, mirrored(world, world.nodes.v, 0.0), nullptr, moments);
 }
 
 template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world, Chunk<Dim>& chunk, double least) {
   constexpr int size = tensor_size(Dim);
-  const ParticlePairs& pairs = pairs_[world.number_of(chunk)];
+  const auto c = static_cast<Index>(world.number_of(chunk));
   const double half = 0.5 * world.last_step;
-  AlignedVector<double>&rates = local_arrays().sums, &moments = local_arrays().moments;
-  for (auto* sums : {&rates, &moments})
-    sums->resize(std::max(sums->size(), static_cast<std::size_t>(size * pairs.all())));
-  sum_rates(world, world.nodes.v, pairs, half, rates.data(), options_.corrected ? moments.data() : nullptr);
+  const auto [rates, moments] = sums(world).rates(c, world.nodes.v, half, options_.corrected);
   Matter<Dim>& matter = chunk.matter;
   const auto volume_over_mass = [&](Index p) { return matter.volume[p] * volume_ratio(matter, p) / matter.mass[p]; };
   for (Index p = 0; p < chunk.size(); ++p) {
-    matter.x.col(p) = world.nodes.x.col(pairs.particles[p]);
+    matter.x.col(p) = world.nodes.x.col(world.point_number(chunk, p));
     Mat<Dim> change = Mat<Dim>::Identity();
     if (!chunk.is_eroded(p)) {
-      Mat<Dim> rate = half * volume_over_mass(p) * tensor_at<Dim>(rates.data() + size * p);
+      Mat<Dim> rate = half * volume_over_mass(p) * tensor_at<Dim>(rates + size * p);
       if (options_.corrected)
-        rate *= internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
+        rate *= internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments + size * p));
       else
         rate *= 1.0 + rate.trace();  // by the volume in the middle of the step
       change = internal::increment<Dim>(rate);
@@ -337,11 +224,11 @@ template <int Dim> StrainBounds Sph<Dim>::update_points(const World<Dim>& world,
   const StrainBounds bounds = deform_by_increments(world, chunk, least);
   if (!options_.corrected) return bounds;
   // Forces take the correction where particles are now.
-  sum_moments(world, pairs, moments.data());
+  const double* moments_now = sums(world).moments(c);
   for (Index p = 0; p < chunk.size(); ++p)
     if (!chunk.is_eroded(p))
-      of_particle(correction_, pairs.particles[p]) =
-          internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments.data() + size * p));
+      of_particle(correction_, world.point_number(chunk, p)) =
+          internal::gradient_correction<Dim>(volume_over_mass(p) * tensor_at<Dim>(moments_now + size * p));
   return bounds;
 }
 
@@ -353,60 +240,20 @@ template <int Dim> void Sph<Dim>::scatter_forces(const World<Dim>& world, Chunk<
   wave_rate = 0.0;
   for (Index p = 0; p < chunk.size(); ++p) {
     const Index a = world.point_number(chunk, p);
-    double* density = density_.data() + 2 * a;
+    double* density = stresses_.density.data() + 2 * a;
     const double J = volume_ratio(matter, p), rest = chunk.is_eroded(p) ? 0.0 : matter.mass[p] / matter.volume[p];
     Mat<Dim> over_squares = Mat<Dim>::Zero();
     if (rest > 0.0)
       for (int j = 0; j < Dim; ++j)
         for (int i = 0; i < Dim; ++i) over_squares(i, j) = J / (rest * rest) * columns[16 * p + 4 * j + i];
-    of_particle(stress_, a) =
+    of_particle(stresses_.stress, a) =
         correction_.cols() == 0 ? over_squares : Mat<Dim>(over_squares * of_particle(correction_, a));
     density[0] = rest > 0.0 ? rest / J : matter.mass[p] / std::pow(world.nodes.spacing[a], Dim);
     density[1] = rest > 0.0 ? std::sqrt(matter.modulus[p] / rest) : 0.0;
     wave_rate = std::max(wave_rate, density[1] / sizes_.smoothing[a]);
-    if (artificial_.cols() != 0)
-      of_particle(artificial_, a) = internal::artificial_stress<Dim>(options_.artificial_stress, over_squares);
+    if (stresses_.artificial.cols() != 0)
+      of_particle(stresses_.artificial, a) = internal::artificial_stress<Dim>(options_.artificial_stress, over_squares);
   }
-}
-
-/// Dim x N, forces of stress_ and of what `by` has besides; and the power lost to it, by chunk.
-template <int Dim> std::vector<internal::LostPower> Sph<Dim>::sum_forces(const World<Dim>& world, const Points<Dim>& v,
-                                                                         internal::PairForces by, Points<Dim>& forces,
-                                                                         WallForces<Dim>* wall_forces) const {
-  constexpr int size = tensor_size(Dim);
-  if (wall_forces) {
-    wall_forces->forces.resize(world.walls.size());
-    for (auto& of : wall_forces->forces) of.setZero(Dim, std::ssize(wall_forces->nodes));
-  }
-  std::vector<internal::LostPower> lost(world.chunks.size());
-  parallel_chunks(static_cast<Index>(world.chunks.size()), 1, [&, by](Index c, Index) {
-    const ParticlePairs& pairs = pairs_[c];
-    LocalArrays& arrays = local_arrays();
-    const auto n = static_cast<std::size_t>(pairs.all());
-    const auto gather = [&](const Points<Dim * Dim>& from, AlignedVector<double>& to) {
-      to.resize(std::max(to.size(), size * n));
-      for (std::size_t l = 0; l < n; ++l) put_tensor<Dim>(of_particle(from, pairs.particles[l]), to.data() + size * l);
-      return to.data();
-    };
-    internal::PairForces local = by;
-    local.stress = gather(stress_, arrays.stress);
-    arrays.density.resize(std::max(arrays.density.size(), 2 * n));
-    for (std::size_t l = 0; l < n; ++l)
-      std::copy_n(density_.data() + 2 * pairs.particles[l], 2, arrays.density.data() + 2 * l);
-    local.density = arrays.density.data();
-    if (by.artificial) local.artificial = gather(artificial_, arrays.artificial);
-    arrays.sums.resize(std::max(arrays.sums.size(), 4 * n));
-    lost[c] = internal::sum_forces(pairs, local_particles(world, v, pairs, 0.0), local, arrays.sums.data());
-    local.stress = stress_.data();
-    local.density = density_.data();
-    const auto by_walls = internal::add_mirrored_forces(pairs, mirrored(world, v, 0.0), local, world.walls,
-                                                        arrays.sums.data(), wall_forces);
-    lost[c].viscous += by_walls.viscous;
-    lost[c].approach = std::max(lost[c].approach, by_walls.approach);
-    for (Index l = 0; l < pairs.own; ++l)
-      forces.col(pairs.particles[l]) = Eigen::Map<const Vec<Dim>>(arrays.sums.data() + 4 * l);
-  });
-  return lost;
 }
 
 template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
@@ -416,15 +263,16 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   const double exponent = artificial.exponent > 0.0
                               ? artificial.exponent
                               : 1.0 / internal::kernel_shape(options_.kernel, 1.0 / options_.smoothing);
-  const auto lost = sum_forces(world, world.nodes.v,
-                               {.linear = options_.viscosity.linear,
-                                .quadratic = options_.viscosity.quadratic,
-                                .artificial = artificial_.cols() == 0 ? nullptr : artificial_.data(),
-                                .reference = 1.0 / options_.smoothing,
-                                .exponent = exponent},
-                               world.nodes.force, &wall_forces_);
+  const auto lost =
+      sums(world).forces(world.nodes.v, stresses_,
+                         {.linear = options_.viscosity.linear,
+                          .quadratic = options_.viscosity.quadratic,
+                          .artificial = stresses_.artificial.cols() == 0 ? nullptr : stresses_.artificial.data(),
+                          .reference = 1.0 / options_.smoothing,
+                          .exponent = exponent},
+                         world.nodes.force, &wall_forces_);
   approach_rate_ = 0.0;
-  for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / smallest_size_);
+  for (const auto& of : lost) approach_rate_ = std::max(approach_rate_, of.approach / lists_.smallest_smoothing());
   if (std::exchange(counts_power_, false)) {
     const double viscous_before = std::exchange(viscous_power_, 0.0),
                  artificial_before = std::exchange(artificial_power_, 0.0);
@@ -433,7 +281,7 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
     // a step earlier; those of the forces before lie between two of them.
     const double dt = world.last_step;
     world.ledger.add_energy("viscous", EnergyKind::loss, dt * (0.25 * viscous_before + 0.75 * viscous_power_));
-    if (artificial_.cols() != 0)
+    if (stresses_.artificial.cols() != 0)
       world.ledger.add_energy("artificial stress", EnergyKind::loss,
                               dt * (0.25 * artificial_before + 0.75 * artificial_power_));
   }
@@ -443,7 +291,8 @@ template <int Dim> void Sph<Dim>::collect_forces(World<Dim>& world) {
   if (frequency_ == 0.0 || world.steps % estimate_interval == 0) {
     estimate_frequency(world, frequency_ == 0.0 ? 16 : 2);
     const double closer = clumped_distance / options_.smoothing;
-    world.ledger.set_count("clumped particles", internal::count_close(pairs_, world.nodes.x, sizes_.smoothing, closer));
+    world.ledger.set_count("clumped particles",
+                           internal::count_close(lists_.pairs(), world.nodes.x, sizes_.smoothing, closer));
   }
   world.ledger.add_time("stability", seconds_since(start));
 }

@@ -2,7 +2,7 @@
 /// Shape functions of the grid's nodes on the surface of bodies, for loads there.
 #pragma once
 
-#include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/internal/point_grid.hpp"
 
 #include <vector>
 

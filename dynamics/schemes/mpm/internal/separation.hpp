@@ -3,6 +3,7 @@
 #pragma once
 
 #include "efree/dynamics/schemes/mpm/internal/particles.hpp"
+#include "efree/dynamics/schemes/mpm/mpm.hpp"
 
 namespace efree::internal {
 
