@@ -147,13 +147,19 @@ template <int Dim> double StableStep<Dim>::lanczos(World<Dim>& world, const Regi
   Points<Dim>&last = krylov_impulses_[0], &before = krylov_impulses_[1];
   for (Index k = 0; k < most_products - 1; ++k) {
     if (k > 0) norm = off_diagonal[k - 1];
-    modes[k] = velocity_ / norm;
     before.swap(last);
-    last = impulse_ / norm;
+    modes[k].resize(Dim, velocity_.cols());
+    last.resize(Dim, velocity_.cols());
+    parallel_for(last.cols(), [&](Index a) {
+      modes[k].col(a) = velocity_.col(a) / norm;
+      last.col(a) = impulse_.col(a) / norm;
+    });
     multiply_stiffness(world, region, modes[k]);
     diagonal[k] = impulse_.cwiseProduct(modes[k]).sum();
-    impulse_ -= diagonal[k] * last;
-    if (k > 0) impulse_ -= off_diagonal[k - 1] * before;
+    parallel_for(last.cols(), [&](Index a) {
+      impulse_.col(a) -= diagonal[k] * last.col(a);
+      if (k > 0) impulse_.col(a) -= off_diagonal[k - 1] * before.col(a);
+    });
     find_velocities(world, impulse_, velocity_);
     off_diagonal[k] = std::sqrt(std::max(0.0, impulse_.cwiseProduct(velocity_).sum()));
     const bool is_all = off_diagonal[k] < 1e-10 * diagonal[k];  // no other mode has a part in this one

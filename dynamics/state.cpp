@@ -147,11 +147,12 @@ template <int Dim> void World<Dim>::find_node_chunks() {
   forces.resize(places.size());
   std::vector<Index> next(offsets.begin(), offsets.end() - 1);
   for (std::size_t c = 0; c < chunks.size(); ++c)
-    for (std::size_t l = 0; l < chunks[c].table.nodes.size(); ++l) {
-      const Index place = next[chunks[c].table.nodes[l]]++;
-      places[place] = {static_cast<Index>(c), static_cast<Index>(l)};
-      forces[place] = chunks[c].table.force.data() + 4 * l;
-    }
+    for (std::size_t l = 0; l < chunks[c].table.nodes.size(); ++l)
+      places[next[chunks[c].table.nodes[l]]++] = {static_cast<Index>(c), static_cast<Index>(l)};
+  parallel_for(static_cast<Index>(places.size()), [&](Index k) {
+    const auto [chunk, local] = places[k];
+    forces[k] = chunks[chunk].table.force.data() + 4 * local;
+  });
 }
 
 template <int Dim> void World<Dim>::find_points() {

@@ -33,27 +33,26 @@ template <int Dim> IterationEnd iteration_end(const World<Dim>& world, const Ite
 template <int R, class Mobility, class Project>
 void minimise_by_accelerated_gradients(const Mobility& mobility, const Points<R>& velocities, double largest,
                                        const IterationEnd& end, const Project& project, Points<R>& impulses) {
-  Points<R> ahead = impulses;
+  Points<R> ahead = impulses, next(R, mobility.size());
   double theta = 1.0;
   for (int k = 0; k < end.most; ++k) {
-    const Points<R> slope = velocities + mobility.velocities(ahead);
-    Points<R> next(R, mobility.size());
-    double residual = 0.0, uphill = 0.0;
+    const Points<R> changes = mobility.velocities(ahead);
+    double squared_residual = 0.0, uphill = 0.0;
     for (Index s = 0; s < mobility.size(); ++s) {
       const double bound = mobility.bounds()[s];
       if (bound > 0.0)
-        next.col(s) = project(s, Vec<R>(ahead.col(s) - slope.col(s) / bound));
+        next.col(s) = project(s, Vec<R>(ahead.col(s) - (velocities.col(s) + changes.col(s)) / bound));
       else
         next.col(s).setZero();  // nothing there can move
       const Vec<R> step = bound * (ahead.col(s) - next.col(s));
-      residual = std::max(residual, step.norm());
+      squared_residual = std::max(squared_residual, step.squaredNorm());
       uphill += step.dot(next.col(s) - impulses.col(s));
     }
     const double before = uphill > 0.0 ? 1.0 : theta;
     theta = 0.5 * (1.0 + std::sqrt(1.0 + 4.0 * before * before));
     ahead = next + (uphill > 0.0 ? 0.0 : (before - 1.0) / theta) * (next - impulses);
-    impulses = next;
-    if (residual <= end.tolerance * largest) break;
+    impulses.swap(next);
+    if (std::sqrt(squared_residual) <= end.tolerance * largest) break;
   }
 }
 

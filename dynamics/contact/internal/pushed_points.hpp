@@ -82,9 +82,7 @@ template <int R> class PushedPoints {
   Values velocities(const Values& impulses) const {
     const auto n = static_cast<Index>(ends_.size());
     Values on_nodes(R, n), of_nodes(R, n), of_points(R, size());
-    parallel_chunks(n, rows_at_once, [&](Index begin, Index end) {
-      for (Index k = begin; k < end; ++k) on_nodes.col(k) = row_times<R>(shape_of_nodes_, k, impulses);
-    });
+    parallel_for(n, [&](Index k) { on_nodes.col(k) = row_times<R>(shape_of_nodes_, k, impulses); });
     parallel_chunks(n, rows_at_once, [&](Index begin, Index end) {
       for (Index k = begin; k < end; ++k) {
         std::size_t e = k == 0 ? 0 : ends_[k - 1];
@@ -97,9 +95,7 @@ template <int R> class PushedPoints {
         of_nodes.col(k) = even + odd;
       }
     });
-    parallel_chunks(size(), rows_at_once, [&](Index begin, Index end) {
-      for (Index s = begin; s < end; ++s) of_points.col(s) = row_times<R>(shape_, s, of_nodes);
-    });
+    parallel_for(size(), [&](Index s) { of_points.col(s) = row_times<R>(shape_, s, of_nodes); });
     return of_points;
   }
 
@@ -108,7 +104,7 @@ template <int R> class PushedPoints {
     Index node;
     Vec<R> value;
   };
-  static constexpr Index rows_at_once = 32;  // some 2 us of work
+  static constexpr Index rows_at_once = 16;  // of the inverse mass: a microsecond of work
 
   SparseRows shape_;            // points x nodes, these numbered among themselves
   SparseRows shape_of_nodes_;   // its transpose

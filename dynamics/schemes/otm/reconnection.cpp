@@ -262,12 +262,7 @@ template <int Dim> class Reconnecting {
 
   void transfer_momentum() {
     Nodes<Dim>& nodes = world_.nodes;
-    const auto kinetic_energy = [&] {
-      double sum = 0.0;
-      for (Index a = 0; a < nodes.size(); ++a) sum += 0.5 * nodes.mass[a] * nodes.v.col(a).squaredNorm();
-      return sum;
-    };
-    const double before = kinetic_energy();
+    const auto kinetic_energy = [&](Index a) { return 0.5 * nodes.mass[a] * nodes.v.col(a).squaredNorm(); };
     Points<Dim> momenta = Points<Dim>::Zero(Dim, nodes.size());
     Vector masses = Vector::Zero(nodes.size());
     double lost = 0.0;
@@ -277,14 +272,17 @@ template <int Dim> class Reconnecting {
         masses[a] += mass;
         momenta.col(a) += momentum;
       }
+    double before = 0.0, after = 0.0;
     for (Index a = 0; a < nodes.size(); ++a) {
+      before += kinetic_energy(a);
       if (masses[a] == 0.0 && momenta.col(a).isZero(0.0)) continue;
       const Vec<Dim> l = nodes.mass[a] * nodes.v.col(a) + momenta.col(a);
       nodes.mass[a] = world_.nodes.follows(a) ? 0.0 : nodes.mass[a] + masses[a];
       if (state_.options.momentum != MomentumTransfer::nodes && nodes.mass[a] > 0.0) nodes.v.col(a) = l / nodes.mass[a];
     }
     for (const auto& one : world_.prescribed) nodes.v(one.axis, one.node) = one.velocity;
-    world_.ledger.add_energy("reconnection", EnergyKind::transfer, lost + (before - kinetic_energy()));
+    for (Index a = 0; a < nodes.size(); ++a) after += kinetic_energy(a);
+    world_.ledger.add_energy("reconnection", EnergyKind::transfer, lost + (before - after));
   }
 
   void put_rows() {

@@ -12,7 +12,7 @@ namespace efree::internal {
 namespace {
 
 /// How far nodes move before trees of them are built again, over their least spacing.
-constexpr double tree_skin = 0.1;
+constexpr double tree_skin = 0.3;
 /// Nodes in a point's support over those at first, below which the support is too small.
 constexpr double least_nodes = 0.6;
 /// Width of shape functions, over the first one, below which a point that is next to a crack does not take them.

@@ -23,7 +23,7 @@ template <int Dim> void Visibility<Dim>::update(const World<Dim>& world) {
       const Vec<Dim> area = area_of<Dim>(facet_corners(world.nodes.x, facets, f));
       for (const Index a : facets.col(f)) normals_.col(a) += area;
     }
-  for (Index a = 0; a < world.nodes.size(); ++a) normals_.col(a).normalize();  // leaves zero as it is
+  parallel_for(world.nodes.size(), [&](Index a) { normals_.col(a).normalize(); });  // leaves zero as it is
 }
 
 template <int Dim> void Visibility<Dim>::find_cells(const World<Dim>& world) {
