@@ -29,7 +29,7 @@ std::optional<SmallerSteps> smaller_steps_for(const Settings<Dim>& settings, con
   // Where a path stops is found by halving steps.
   if (path.gives_steps() || result.history.empty() || !result.stopped.empty() || !settings.estimated)
     return std::nullopt;
-  if (const double range = smaller_elastic_range(settings, result); range < time.elastic_range)
+  if (const double range = result.elastic_range; range < time.elastic_range)
     return SmallerSteps{
         1.0, range,
         fmt::format("loads turn within them, and {:.2g} % of the largest make materials flow", 100.0 * range)};

@@ -114,6 +114,17 @@ template <int Dim> struct Balance {
   double free_work = 0.0;               ///< of forces that nothing holds, over that of all: what corrections leave
 };
 
+/// A vector and the error of each of its components, absolute.
+template <int Dim> struct WithError { Vec<Dim> value, error; };
+/// Numbers of an answer with the true surface of the body in place of facets: with their changes to first order in the
+/// distance between both (ShapeDerivative). Errors are those of cells, and what the first order leaves.
+template <int Dim> struct OnSurface {
+  /// [force * length]. Unknown where loads act and displacements other than zero are prescribed.
+  std::optional<double> strain_energy{};
+  double energy_error = 0.0;                                    ///< relative
+  std::map<std::string, WithError<Dim>> probes{}, reactions{};  ///< displacements and forces, where errors are known
+};
+
 /// What was found for one load case.
 template <int Dim> struct Answer {
   Solution<Dim> solution;  ///< on cells the strain energy only
@@ -126,6 +137,8 @@ template <int Dim> struct Answer {
   std::vector<Extreme<Dim>> extremes;          ///< largest displacement and von Mises stress
   std::vector<ReactionResult<Dim>> reactions;  ///< in the order of the settings, where the finite elements are known
   Balance<Dim> balance;
+  /// Where facets are no farther from the true surface than a twentieth of walls and radii of curvature.
+  std::optional<OnSurface<Dim>> on_surface{};
 };
 
 /// What an analysis found; of several load cases it is the answer to the first.
@@ -160,6 +173,8 @@ template <int Dim> struct Result : Answer<Dim> {
   std::string stopped;  ///< why it did not come to its end; empty if it did
   /// Largest distance of the cloud from displacements that are prescribed, at the end, over the largest displacement.
   double gap = 0.0;
+  /// TimeSettings::elastic_range of its settings, or, where loads turn within its steps, that to follow them by.
+  double elastic_range = 1.0;
   std::optional<CloudAlone> cloud_alone{};
   std::optional<PathErrors> path_errors{};  ///< where `estimates` are unknown, and a coarser path is known
   /// If the body was not stable on its way: how it gave way at the first step at which it was not, at the degrees of

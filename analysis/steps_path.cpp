@@ -407,7 +407,7 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
   if (const std::string unknown = estimate_steps(settings, std::move(program), walk.at(), result, monitor);
       !unknown.empty())
     estimate_path_errors(settings, unknown, coarsest, result, monitor);
-  if (settings.estimated) warn_of_turning_loads(settings, result);
+  if (settings.estimated) check_turning_loads(settings, result);
   warn_of_path(settings, equations, walk.at(), result);
 }
 

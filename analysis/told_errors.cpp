@@ -58,26 +58,44 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
     read_off<Dim>(settings, result.basis().space, *answer);
     answer->probe_errors.clear();
     answer->reactions.clear();
+    answer->on_surface.reset();
   }
   if (!asks_for_errors(settings)) return;
   const Stage stage("duals", monitor);
   const FineSpace<Dim>& space = reference.elements.space;
   const auto materials = materials_of(result.model, *result.mesh);
-  // Of a functional, for some of the load cases: what takes its value for the reference's solution, and how far that is
-  // off.
+  // The value of a functional for the reference's solution, how far that is off the one of its facets, and by how much
+  // it changes from them to the true surface.
+  struct Value {
+    double value, left_by_cells;
+    ShapeChange change;
+
+    // Two errors of any sign, as in Estimates::total.
+    double left() const { return std::hypot(left_by_cells, change.size()); }
+    void put_on_surface(Answer<Dim>& answer, std::map<std::string, WithError<Dim>> OnSurface<Dim>::*kind,
+                        const std::string& name, int d) const {
+      if (!answer.on_surface) return;
+      auto& [on_surface, error] =
+          ((*answer.on_surface).*kind).try_emplace(name, Vec<Dim>::Zero(), Vec<Dim>::Zero()).first->second;
+      on_surface[d] = value + change.sum;
+      error[d] = std::hypot(left_by_cells, left_by_first_order * change.size());
+    }
+  };
+  // A functional, and who is told its value, for some of the load cases.
   struct Wanted {
     Functional<Dim> functional;
     std::size_t first, end;  // load cases
-    std::function<void(std::size_t, double value, double left)> tell;
+    std::function<void(std::size_t, const Value& of)> tell;
   };
   std::vector<Wanted> wanted;
   for (std::size_t p = 0; p < settings.probes.size(); ++p)
     for (int d = 0; d < Dim; ++d)
       wanted.push_back({displacement_at<Dim>(space, settings.probes[p].at, Vec<Dim>::Unit(d)), 0, answers.size(),
-                        [&, p, d](std::size_t k, double value, double left) {
+                        [&, p, d](std::size_t k, const Value& of) {
                           const auto& [name, told] = answers[k]->probes[p];
+                          of.put_on_surface(*answers[k], &OnSurface<Dim>::probes, name, d);
                           answers[k]->probe_errors.try_emplace(name, Vec<Dim>::Zero()).first->second[d] =
-                              std::abs(value - told.displacement[d]) + left;
+                              std::abs(of.value - told.displacement[d]) + of.left();
                         }});
   const auto ties = tied_facets(*result.mesh, result.model.open_interface);
   for (std::size_t r = 0; r < settings.reactions.size(); ++r) {
@@ -90,11 +108,12 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
       for (const Fields<Dim>* fields : reference.fields)
         shared.push_back(std::abs(shared_work<Dim>(space, settings.supports, on, Vec<Dim>::Unit(d), functional,
                                                    fields->stress, reference.weakly)));
-      wanted.push_back(
-          {std::move(functional), 0, answers.size(), [&, r, d, shared](std::size_t k, double value, double left) {
-             answers[k]->reactions[r].force[d] = value;
-             answers[k]->reactions[r].error[d] = left + shared[k];
-           }});
+      wanted.push_back({std::move(functional), 0, answers.size(), [&, r, d, shared](std::size_t k, const Value& of) {
+                          ReactionResult<Dim>& reaction = answers[k]->reactions[r];
+                          of.put_on_surface(*answers[k], &OnSurface<Dim>::reactions, reaction.name, d);
+                          reaction.force[d] = of.value;
+                          reaction.error[d] = of.left() + shared[k];
+                        }});
     }
   }
   for (std::size_t k = 0; k < answers.size(); ++k)
@@ -108,13 +127,15 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
       if (extreme.value == 0.0) continue;
       Functional<Dim> functional{Points<Dim>::Zero(Dim, space.size()), {}, {}};
       functional.forces.col(extreme.place) = answers[k]->fields.displacement.col(extreme.place) / extreme.value;
-      wanted.push_back({std::move(functional), k, k + 1, [&extreme](std::size_t, double value, double left) {
-                          extreme.error = std::abs(value - extreme.value) + left;
+      wanted.push_back({std::move(functional), k, k + 1, [&extreme](std::size_t, const Value& of) {
+                          extreme.error = std::abs(of.value - extreme.value) + of.left();
                         }});
     }
   const RecoveryFits<Dim> fits = recovery_fits(reference.elements);
   const auto shape = shape_derivative(settings, result, space, materials);
   const auto loads = loads_of(settings, 0, answers.size());
+  if (shape)
+    for (Answer<Dim>* answer : answers) answer->on_surface.emplace();
   for (std::size_t first = 0; first < wanted.size(); first += cases_together) {
     stage.check();
     const std::span batch = std::span(wanted).subspan(first, std::min(cases_together, wanted.size() - first));
@@ -125,11 +146,10 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
       const auto fields =
           recover_fields(reference.elements, evaluate(reference.elements, result.model, duals[w]), fits);
       for (std::size_t k = batch[w].first; k < batch[w].end; ++k) {
-        double left = functional_error(reference.elements, *reference.fields[k], fields, materials);
-        // Two errors of any sign, as in Estimates::total.
-        if (shape)
-          left = std::hypot(left, shape->functional(reference.fields[k]->displacement, duals[w], loads[k]).size());
-        batch[w].tell(k, reference.value(functionals[w], duals[w], k), left);
+        batch[w].tell(
+            k, {reference.value(functionals[w], duals[w], k),
+                functional_error(reference.elements, *reference.fields[k], fields, materials),
+                shape ? shape->functional(reference.fields[k]->displacement, duals[w], loads[k]) : ShapeChange{}});
       }
     }
   }

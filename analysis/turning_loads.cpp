@@ -140,34 +140,28 @@ template <int Dim> std::vector<double> stops_at_turns(const Settings<Dim>& setti
   return time.path.gives_steps() ? all : nearly_straight(curve, time.path, bearable, std::move(all));
 }
 
-template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result) {
-  if (!may_turn(settings)) return 1.0;
-  const Followed followed = follow(settings, result);
-  return followed.worst.by.distance > bearable_deviation(followed.elastic_range) ? followed.elastic_range
-                                                                                 : settings.time->elastic_range;
-}
-
-template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Result<Dim>& result) {
+template <int Dim> void check_turning_loads(const Settings<Dim>& settings, Result<Dim>& result) {
   if (!may_turn(settings)) return;
   const auto& [range, is_known, worst] = follow(settings, result);
   const auto& [from, to, by] = worst;
-  if (by.distance > bearable_deviation(range))
+  result.elastic_range = settings.time->elastic_range;
+  if (by.distance > bearable_deviation(range)) {
+    result.elastic_range = range;
     result.warnings.push_back(fmt::format(
         "displacements, forces and stresses may be off by any amount: what acts on \"{}\" turns within a step, from "
         "time {:.6g} to {:.6g}, by {:.2g} % of its largest value, and materials flow; use smaller steps ([time] "
         "max_step), or stops where it turns",
         by.on, from, to, 100.0 * by.distance));
-  else if (!is_known)
+  } else if (!is_known) {
     result.warnings.push_back(
         "displacements, forces and stresses may be off by any amount: loads turn more often than could be followed, "
         "and materials flow; compare two sizes of steps ([time] max_step)");
+  }
 }
 
 template std::vector<double> stops_at_turns<2>(const Settings<2>&, const FineMesh<2>&, std::vector<double>);
 template std::vector<double> stops_at_turns<3>(const Settings<3>&, const FineMesh<3>&, std::vector<double>);
-template double smaller_elastic_range<2>(const Settings<2>&, const Result<2>&);
-template double smaller_elastic_range<3>(const Settings<3>&, const Result<3>&);
-template void warn_of_turning_loads<2>(const Settings<2>&, Result<2>&);
-template void warn_of_turning_loads<3>(const Settings<3>&, Result<3>&);
+template void check_turning_loads<2>(const Settings<2>&, Result<2>&);
+template void check_turning_loads<3>(const Settings<3>&, Result<3>&);
 
 }  // namespace efree::internal

@@ -15,6 +15,10 @@ template <int Dim>
 std::optional<ShapeDerivative<Dim>> shape_derivative(const Settings<Dim>& settings, const Result<Dim>& result,
                                                      const FineSpace<Dim>& space, const Materials<Dim>& materials);
 
+/// What the first order leaves of what facets cost, at most, where numbers are said for the true surface
+/// (docs/evidence.md).
+inline constexpr double left_by_first_order = 0.3;
+
 /// The largest distance of facets from the true surface, over the thickness of the wall there, or over the radius of
 /// curvature if that is less; `offsets` not empty.
 template <int Dim> double largest_relative_sagitta(const FineMesh<Dim>& mesh, const Matrix& offsets);

@@ -67,17 +67,14 @@ template <int Dim> std::string estimate_path(const Settings<Dim>& settings, cons
 /// as many steps. A warning where that fails, or none flows.
 template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const Result<Dim>& coarser,
                                             const Result<Dim>* coarsest, Result<Dim>& result, const Monitor& monitor);
-/// A warning where loads leave the straight line between two steps of a path of materials that flow: neither the path
-/// nor estimates of its errors see what they do there.
-template <int Dim> void warn_of_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);
+/// A warning, and Result::elastic_range, where loads leave the straight line between two steps of a path of materials
+/// that flow: neither the path nor estimates of its errors see what they do there.
+template <int Dim> void check_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);
 /// Times at which steps are to end, ascending: these stops; where what acts on a body that flows has extremes or kinks,
 /// as a step that passes over one misses what the body dissipates up to it; before and after jumps; and, where the
 /// settings leave steps open, so that loads hardly leave the straight line between them (LoadCurve).
 template <int Dim>
 std::vector<double> stops_at_turns(const Settings<Dim>& settings, const FineMesh<Dim>& mesh, std::vector<double> stops);
-/// TimeSettings::elastic_range of a path, if it is smaller than in its settings and steps are too large for it; else
-/// that.
-template <int Dim> double smaller_elastic_range(const Settings<Dim>& settings, const Result<Dim>& result);
 
 /// How much smaller the steps of a path are to be, and why, in words.
 struct SmallerSteps {

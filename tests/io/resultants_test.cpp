@@ -17,6 +17,7 @@ namespace efree {
 namespace {
 
 using test::json, test::replaced, test::solved, test::Workspace;
+using ::testing::AnyOf;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
@@ -555,9 +556,13 @@ TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
     EXPECT_TRUE(bearable.refusal.empty()) << bearable.refusal;
     EXPECT_NEAR(bearable.solution.strain_energy / (1e-12 * 1e6 / 40.0), 1.0, 0.01);
   }
-  // However small the pivots: eliminated from the free end on a beam has none that are, as at 1500.
+  // However small the pivots: eliminated from the free end on a beam has none that are, as at 1500. Which of the two
+  // is seen first depends on rounding.
   for (const double length : {800.0, 1500.0}) {
-    EXPECT_THAT([&] { beam(length, elements); }, ThrowsMessage<NumericalError>(HasSubstr("ill-conditioned"))) << length;
+    EXPECT_THAT(
+        [&] { beam(length, elements); },
+        ThrowsMessage<NumericalError>(AnyOf(HasSubstr("ill-conditioned"), HasSubstr("singular to working precision"))))
+        << length;
     EXPECT_THROW(beam(length, ""), NumericalError) << length;
   }
   // The matrix by itself, which forces out of balance do not tell of: at 600 the energy is 18 % off.

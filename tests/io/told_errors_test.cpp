@@ -461,6 +461,46 @@ TEST(FacetErrors, AreInTheErrorsOfProbes) {
   EXPECT_LT(result.probe_errors.at("bore").x(), 2.5 * off);
 }
 
+/// The pole and the equator of a hole whose chords are 0.009 off.
+TEST(FacetErrors, FirstOrderTakesMostOfThemOffDisplacementsAtAHole) {
+  for (const char* kind : {"p2", "mls"}) {
+    const auto result = solved(probed_plate + with_basis(kind));
+    ASSERT_TRUE(result.on_surface.has_value());
+    for (const auto& [name, at] : result.on_surface->probes) {
+      const int axis = name == "pole" ? 1 : 0;
+      const double off = std::abs(at.value[axis] - (name == "pole" ? -1.0 : 3.0));
+      EXPECT_LT(off, at.error[axis]) << kind << " " << name;
+      EXPECT_LT(at.error[axis], 0.5 * result.probe_errors.at(name)[axis]) << kind << " " << name;
+    }
+  }
+}
+
+/// An eighth of a sphere under pressure inside (Lame); half the work of the pressure as the bore opens.
+TEST(FacetErrors, FirstOrderTakesMostOfThemOffTheEnergyOfASphere) {
+  const double nu = 0.3, opening = (1.0 - 2.0 * nu + 4.0 * (1.0 + nu)) / 7.0, truth = std::numbers::pi * opening / 4.0;
+  std::string sphere =
+      "[geometry]\nshape = \"thick_sphere\"\nparameters = { inner = 1, outer = 2 }\nmesh_size = 0.4\n[basis]\nkind = "
+      "\"p2\"\n[material]\nE = 1\nnu = 0.3\n[[boundary]]\non = \"inner\"\npressure = 1\n";
+  for (const char* plane : {"left", "front", "bottom"})
+    sphere += fmt::format("[[boundary]]\non = \"{}\"\nnormal_displacement = 0\n", plane);
+  const auto result = solved(sphere);
+  const double before = std::abs(result.solution.strain_energy / truth - 1.0);
+  EXPECT_GT(before, 0.01);
+  ASSERT_TRUE(result.on_surface && result.on_surface->strain_energy);
+  const double after = std::abs(*result.on_surface->strain_energy / truth - 1.0);
+  EXPECT_LT(after, 0.1 * before);
+  EXPECT_LT(after, result.on_surface->energy_error);
+  EXPECT_LT(result.on_surface->energy_error, 0.5 * before);
+}
+
+/// Where springs store a part of the energy nothing is said of it, and far from the surface of anything.
+TEST(FacetErrors, FirstOrderIsNotTakenWhereItDoesNotDo) {
+  const auto on_springs = solved(tube(1.0, 2.0, "mesh_size = 0.5\n") + with_basis("p2"));
+  ASSERT_TRUE(on_springs.on_surface.has_value());
+  EXPECT_FALSE(on_springs.on_surface->strain_energy.has_value());
+  EXPECT_FALSE(solved(tube(9.8, 10.0, "mesh_size = 3\n")).on_surface.has_value());
+}
+
 /// A heavy ring on soft springs: facets change its weight, and the springs store nearly all of its energy.
 TEST(FacetErrors, AreSharesOfTheEnergyOfBodyAndSprings) {
   const auto result = solved(

@@ -29,6 +29,19 @@ template <int Dim> nlohmann::ordered_json balance_json(const Balance<Dim>& balan
   return {{"loads", json_of<Dim>(loads)}, {"reactions", json_of<Dim>(reactions)}, {"error", balance.error}};
 }
 
+/// Only what is known of it.
+template <int Dim> nlohmann::ordered_json json_of(const OnSurface<Dim>& numbers) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  if (numbers.strain_energy)
+    json["strain_energy"] = {{"value", *numbers.strain_energy},
+                             {"error", numbers.energy_error * std::abs(*numbers.strain_energy)}};
+  for (const auto& [name, of] : numbers.probes)
+    json["probes"][name] = {{"displacement", json_array(of.value)}, {"error", json_array(of.error)}};
+  for (const auto& [name, of] : numbers.reactions)
+    json["reactions"][name] = {{"force", json_array(of.value)}, {"error", json_array(of.error)}};
+  return json;
+}
+
 /// What an answer has by itself: energy, estimates, probes, loads and reactions, extremes with their errors.
 template <int Dim> void add_values_of(const Answer<Dim>& answer, nlohmann::ordered_json& json) {
   json["strain_energy"] = answer.solution.strain_energy;
@@ -38,6 +51,7 @@ template <int Dim> void add_values_of(const Answer<Dim>& answer, nlohmann::order
                                    {"mesh", answer.estimates->mesh},
                                    {"geometry", answer.estimates->geometry},
                                    {"total", answer.estimates->total()}};
+  if (answer.on_surface) json["true_surface"] = json_of(*answer.on_surface);
   json["corrections"] = answer.estimates ? answer.estimates->corrections : 0;
   json["probes"] = nlohmann::ordered_json::object();
   for (const auto& [name, values] : answer.probes)

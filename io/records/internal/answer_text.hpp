@@ -59,6 +59,16 @@ template <int Dim> std::vector<std::string> balance_text(const Balance<Dim>& bal
   return lines;
 }
 
+/// The same with the true surface of the body in place of facets, with its error; nothing where that is not known.
+template <int Dim> std::string on_surface_text(const Answer<Dim>& answer,
+                                               std::map<std::string, WithError<Dim>> OnSurface<Dim>::*kind,
+                                               const std::string& name) {
+  if (!answer.on_surface) return "";
+  const auto& all = (*answer.on_surface).*kind;
+  const auto found = all.find(name);
+  return found == all.end() ? "" : vector_text<Dim>("; on the true surface", found->second.value, &found->second.error);
+}
+
 /// Probes, loads, reactions, extremes and utilisations, with their errors where they are known, a line each.
 template <int Dim>
 std::vector<std::string> answer_text(const Answer<Dim>& answer, const std::vector<Utilisation<Dim>>& utilisations) {
@@ -66,11 +76,13 @@ std::vector<std::string> answer_text(const Answer<Dim>& answer, const std::vecto
   for (const auto& [name, values] : answer.probes) {
     const auto error = answer.probe_errors.find(name);
     lines.push_back(vector_text<Dim>(fmt::format("probe \"{}\": displacement", name), values.displacement,
-                                     error == answer.probe_errors.end() ? nullptr : &error->second));
+                                     error == answer.probe_errors.end() ? nullptr : &error->second) +
+                    on_surface_text(answer, &OnSurface<Dim>::probes, name));
   }
   for (const auto& reaction : answer.reactions)
     lines.push_back(
-        vector_text<Dim>(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error));
+        vector_text<Dim>(fmt::format("reaction \"{}\": force", reaction.name), reaction.force, &reaction.error) +
+        on_surface_text(answer, &OnSurface<Dim>::reactions, reaction.name));
   for (std::string& line : balance_text<Dim>(answer.balance)) lines.push_back(std::move(line));
   for (const auto& extreme : answer.extremes)
     lines.push_back(fmt::format(
