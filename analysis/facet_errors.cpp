@@ -19,7 +19,7 @@ namespace {
 /// (bench_facets walls): 1.7 to 2.9.
 constexpr double bending = 3.0;
 
-/// Up to which relative sagittas first order leaves a small part of what facets cost (docs/evidence.md).
+/// Largest relative sagitta at which the first-order correction is used (OnSurface; docs/evidence.md).
 constexpr double most_relative_sagitta = 0.05;
 
 /// What springs at the boundary store.
@@ -53,8 +53,7 @@ std::optional<double> change_of_strain_energy(const FineSpace<Dim>& space,
                         [&](const BoundaryPoint<Dim>& point) { is_moved = is_moved || held.value(point.x) != 0.0; });
   }
   if (!is_moved) return -change;
-  const bool is_loaded = !loads.tractions.empty() || !loads.resultants.empty() || loads.inside();
-  return is_loaded ? std::nullopt : std::optional(change);
+  return loads.any() ? std::nullopt : std::optional(change);
 }
 
 /// By facet: the largest difference between the offsets of its midpoints and the means of those of the ends [length]:
@@ -159,10 +158,11 @@ template <int Dim> void add_facet_errors(const Settings<Dim>& settings, Result<D
     if (energy > 0.0) answer.estimates->geometry = std::sqrt(change.size() / energy);
     if (is_near) {
       if (!answer.on_surface) answer.on_surface.emplace();
-      if (const auto of_strains = change_of_strain_energy(space, settings.supports, loads[k], change.sum))
-        answer.on_surface->strain_energy = answer.solution.strain_energy + *of_strains;
-      const double of_cells = std::hypot(answer.estimates->cloud, answer.estimates->mesh);
-      answer.on_surface->energy_error = std::hypot(of_cells * of_cells, left_by_first_order * change.size() / energy);
+      const double on_facets = answer.solution.strain_energy,
+                   of_cells = std::hypot(answer.estimates->cloud, answer.estimates->mesh);
+      if (const auto more = change_of_strain_energy(space, settings.supports, loads[k], change.sum))
+        answer.on_surface->strain_energy = {
+            on_facets + *more, std::hypot(of_cells * of_cells * on_facets, left_by_first_order * change.size())};
     }
     for (Extreme<Dim>& extreme : answer.extremes)
       if (extreme.of == "von_mises" && extreme.error)

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// What a user has to know of a load path besides its errors.
+/// Warnings of load paths besides those of their errors.
 #include "efree/analysis/internal/judge.hpp"
 #include "efree/analysis/internal/paths.hpp"
+#include "efree/analysis/internal/steps_estimate.hpp"
 #include "efree/materials/plasticity.hpp"
 #include "efree/solvers/equations/locking.hpp"
-#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
 
 #include <fmt/format.h>
 #include <algorithm>

@@ -114,15 +114,15 @@ template <int Dim> struct Balance {
   double free_work = 0.0;               ///< of forces that nothing holds, over that of all: what corrections leave
 };
 
-/// A vector and the error of each of its components, absolute.
-template <int Dim> struct WithError { Vec<Dim> value, error; };
-/// Numbers of an answer with the true surface of the body in place of facets: with their changes to first order in the
-/// distance between both (ShapeDerivative). Errors are those of cells, and what the first order leaves.
+/// A number or a vector, and its absolute error, by component.
+template <class Value> struct WithError { Value value, error; };
+/// Results for the true surface of the body in place of its facets: with their changes to first order in the distance
+/// between both (ShapeDerivative). Errors are those of the cells and of the higher orders.
 template <int Dim> struct OnSurface {
-  /// [force * length]. Unknown where loads act and displacements other than zero are prescribed.
-  std::optional<double> strain_energy{};
-  double energy_error = 0.0;                                    ///< relative
-  std::map<std::string, WithError<Dim>> probes{}, reactions{};  ///< displacements and forces, where errors are known
+  /// [force * length]. Unknown where loads act and displacements other than zero are prescribed, and with springs.
+  std::optional<WithError<double>> strain_energy{};
+  /// Displacements and forces, where errors of probes and reactions are estimated.
+  std::map<std::string, WithError<Vec<Dim>>> probes{}, reactions{};
 };
 
 /// What was found for one load case.

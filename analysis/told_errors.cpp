@@ -72,7 +72,7 @@ template <int Dim> void tell_errors(const Settings<Dim>& settings, const Referen
 
     // Two errors of any sign, as in Estimates::total.
     double left() const { return std::hypot(left_by_cells, change.size()); }
-    void put_on_surface(Answer<Dim>& answer, std::map<std::string, WithError<Dim>> OnSurface<Dim>::*kind,
+    void put_on_surface(Answer<Dim>& answer, std::map<std::string, WithError<Vec<Dim>>> OnSurface<Dim>::*kind,
                         const std::string& name, int d) const {
       if (!answer.on_surface) return;
       auto& [on_surface, error] =

@@ -78,6 +78,8 @@ template <int Dim> struct Loads {
 
   /// Whether something acts on the whole body.
   bool inside() const { return body_force || !mass_forces.empty(); }
+  /// Whether something acts on the body at all, followers aside.
+  bool any() const { return !tractions.empty() || !resultants.empty() || inside(); }
 };
 
 /// Pressure p on a named part: traction -p n.

@@ -15,8 +15,7 @@ template <int Dim>
 std::optional<ShapeDerivative<Dim>> shape_derivative(const Settings<Dim>& settings, const Result<Dim>& result,
                                                      const FineSpace<Dim>& space, const Materials<Dim>& materials);
 
-/// What the first order leaves of what facets cost, at most, where numbers are said for the true surface
-/// (docs/evidence.md).
+/// Largest part of the error of facets that is left after the first-order correction (OnSurface; docs/evidence.md).
 inline constexpr double left_by_first_order = 0.3;
 
 /// The largest distance of facets from the true surface, over the thickness of the wall there, or over the radius of

@@ -3,7 +3,6 @@
 #pragma once
 
 #include "efree/analysis/result.hpp"
-#include "efree/solvers/equations/nonlinear_equilibrium.hpp"
 
 #include <cstdint>
 
@@ -31,11 +30,6 @@ template <int Dim> void answer_by_steps(const Settings<Dim>& settings, const Res
                                         const Monitor& monitor);
 /// Whether an analysis is one.
 template <int Dim> bool needs_steps(const Settings<Dim>& settings, const FineMesh<Dim>& mesh);
-
-/// What a user has to know of a path to this end besides its errors, into the warnings of the result: where it becomes
-/// unstable, what its functions and its model cannot do. Notes how far held boundaries are from what is prescribed.
-template <int Dim> void warn_of_path(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& equations,
-                                     const State& end, Result<Dim>& result);
 
 /// Whether a material weakens as it flows, so that strains localise.
 bool softens(const ElasticModel& model);

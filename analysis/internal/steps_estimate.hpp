@@ -70,6 +70,10 @@ template <int Dim> void add_errors_of_steps(const Settings<Dim>& settings, const
 /// A warning, and Result::elastic_range, where loads leave the straight line between two steps of a path of materials
 /// that flow: neither the path nor estimates of its errors see what they do there.
 template <int Dim> void check_turning_loads(const Settings<Dim>& settings, Result<Dim>& result);
+/// Warnings of a path to this end besides those of its errors: where it becomes unstable, and what its functions and
+/// its model cannot represent. Result::gap, the distance of held boundaries from what is prescribed.
+template <int Dim> void warn_of_path(const Settings<Dim>& settings, const NonlinearEquilibrium<Dim>& equations,
+                                     const State& end, Result<Dim>& result);
 /// Times at which steps are to end, ascending: these stops; where what acts on a body that flows has extremes or kinks,
 /// as a step that passes over one misses what the body dissipates up to it; before and after jumps; and, where the
 /// settings leave steps open, so that loads hardly leave the straight line between them (LoadCurve).

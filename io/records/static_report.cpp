@@ -12,14 +12,14 @@ namespace {
 
 template <int Dim> std::string estimates_text(const Result<Dim>& result) {
   const Estimates& estimates = *result.estimates;
-  const std::string without = result.on_surface && result.on_surface->strain_energy
-                                  ? fmt::format(" (strain energy {:.6g}, on the true surface {:.6g} +- {:.2g} %)",
-                                                result.solution.strain_energy, *result.on_surface->strain_energy,
-                                                100.0 * result.on_surface->energy_error)
-                                  : "";
-  const std::string of_facets = estimates.geometry > 0.0 ? fmt::format(", {:.2g} % of the facets of the boundary{}",
-                                                                       100.0 * estimates.geometry, without)
-                                                         : "";
+  std::string of_facets;
+  if (estimates.geometry > 0.0)
+    of_facets = fmt::format(", {:.2g} % of the facets of the boundary", 100.0 * estimates.geometry);
+  if (result.on_surface && result.on_surface->strain_energy) {
+    const auto& [energy, error] = *result.on_surface->strain_energy;
+    of_facets += fmt::format(" (strain energy {:.6g}, on the true surface {:.6g} +- {:.2g} %)",
+                             result.solution.strain_energy, energy, 100.0 * error / energy);
+  }
   if (estimates.cloud == 0.0 && estimates.uncorrected == 0.0)  // finite elements that are solved at once
     return fmt::format("error in the energy norm: about {:.2g} %{}", 100.0 * estimates.mesh, of_facets);
   const bool has_cloud = result.elements || result.approximation.shape.num_nodes() < result.approximation.space.size();

@@ -45,10 +45,6 @@ Resultant<3> add_traction(const CellProblem& problem, const std::vector<Boundary
 
 }  // namespace
 
-bool acts(const Loads<3>& loads) {
-  return !loads.tractions.empty() || !loads.resultants.empty() || loads.inside();
-}
-
 std::vector<AppliedLoad<3>> add_loads(const CellProblem& problem, const Loads<3>& loads, const PartPatches& patches,
                                       Field& to) {
   std::vector<AppliedLoad<3>> applied;

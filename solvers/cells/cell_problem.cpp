@@ -151,7 +151,7 @@ std::vector<std::vector<AppliedLoad<3>>> set_loads(CellProblem& problem, const s
   const bool pull = problem.springs.pull();
   for (std::size_t c = 0; c < cases.size(); ++c) {
     Field& load = problem.loads.emplace_back();
-    if (!acts(cases[c]) && !pull) continue;
+    if (!cases[c].any() && !pull) continue;
     load = zeros<double>(problem.grid.size());
     applied[c] = add_loads(problem, cases[c], patches, load);
     for (AppliedLoad<3>& one : forces.add(problem, c, load)) applied[c].push_back(std::move(one));
@@ -171,7 +171,7 @@ CellProblems make_cell_problems(const LabelImage<3>& image, const std::vector<Sh
   Vec<3> lengths;
   for (int d = 0; d < 3; ++d) lengths[d] = image.size[d] * image.spacing[d];
   const LabelStiffness stiffness(image, materials);
-  double memory = cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, acts));
+  double memory = cell_memory + load_memory * static_cast<double>(std::ranges::count_if(cases, &Loads<3>::any));
   if (const auto anisotropic = stiffness.anisotropic.size(); anisotropic > 0)
     memory += anisotropic_memory + material_memory * static_cast<double>(anisotropic);
   const std::vector<Triple> cells =

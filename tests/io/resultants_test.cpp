@@ -11,16 +11,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <cmath>
-#include <numbers>
 
 namespace efree {
 namespace {
 
 using test::json, test::replaced, test::solved, test::Workspace;
-using ::testing::AnyOf;
-using ::testing::Contains;
 using ::testing::HasSubstr;
-using ::testing::Not;
 
 std::string with(const std::string& text, const std::string& analysis, const std::string& basis = "") {
   const std::string said = text.find("[analysis]\n") == std::string::npos
@@ -482,134 +478,6 @@ TEST(LoadCases, AreSolvedWithOneMatrixEachByItself) {
       EXPECT_EQ(answer.estimates.has_value(), alone.estimates.has_value());
     }
   }
-}
-
-TEST(LoadCases, AreInResultAndFieldsByTheirNames) {
-  const std::string two =
-      test::strip_case +
-      "[[case]]\nname = \"up\"\n[[case.boundary]]\non = \"top\"\ntraction = [0, 1]\n[[case]]\nname = "
-      "\"bare\"\n[[case]]\nname = 'a & <b> \"c\"'\n";
-  const Workspace work(two);
-  const auto run = work.efree({"solve", "case.toml", "--out", "out", "--no-picture"});
-  ASSERT_EQ(run.status, 0) << run.output;
-  EXPECT_THAT(run.output, HasSubstr("case \"bare\":"));
-  const auto result = json(work / "out/result.json");
-  EXPECT_NEAR(result["cases"]["bare"]["probes"]["end"]["displacement"][0], 2.0, 1e-3);
-  EXPECT_NEAR(result["cases"]["up"]["probes"]["end"]["displacement"][0], 1.4, 1e-3);
-  EXPECT_NEAR(result["cases"]["up"]["reactions"]["bottom"]["force"][1], -2.0, 1e-9);
-  EXPECT_EQ(result["cases"]["up"]["loads"].size(), 2u);
-  EXPECT_EQ(result["strain_energy"], result["cases"]["up"]["strain_energy"]) << "the first";
-  EXPECT_THAT(test::content(work / "out/fields.vtu"), HasSubstr("bare: von_mises"));
-  EXPECT_THAT(test::content(work / "out/fields.vtu"), HasSubstr("a &amp; &lt;b&gt; &quot;c&quot;: von_mises"));
-}
-
-TEST(LoadCases, HaveElementsThatAreFineEnoughForEachInWhateverOrder) {
-  const std::string bar =
-      "[geometry]\nshape = \"box\"\nparameters = { width = 2, depth = 1, height = 1 }\nmesh_size = 0.25\n"
-      "[material]\nE = 210e3\nnu = 0.3\n[[boundary]]\non = \"left\"\ndisplacement = [0, 0, 0]\n";
-  const std::string bare = "[[case]]\nname = \"bare\"\n",
-                    bent =
-                        "[[case]]\nname = \"bent\"\n[[case.boundary]]\non = \"right\"\ntraction = [0.3, -0.5, "
-                        "\"z\"]\n";
-  const auto first = solved<3>(bar + bent + bare), last = solved<3>(bar + bare + bent);
-  const Answer<3>& other = last.more[0];
-  EXPECT_EQ(first.basis().space.degree(), 2);
-  EXPECT_EQ(last.basis().space.degree(), 2);
-  EXPECT_NEAR(other.solution.strain_energy / first.solution.strain_energy, 1.0, 1e-3);
-  EXPECT_LT(other.estimates->total(), 0.1);
-  EXPECT_GT(other.estimates->uncorrected, 0.01);
-}
-
-TEST(LoadCases, InThePlaneShareAFactorOfQuadraticElementsUnlessACloudIsAskedFor) {
-  const std::string rectangle =
-      "[geometry]\nshape = \"rectangle\"\nparameters = { width = 2, height = 1 }\nmesh_size = 0.05\n"
-      "[analysis]\nplane = \"stress\"\n[material]\nE = 210e3\nnu = 0.3\n"
-      "[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n";
-  const std::string both =
-      "[[case]]\nname = \"pulled\"\n[[case.boundary]]\non = \"right\"\ntraction = [1, 0]\n"
-      "[[case]]\nname = \"bent\"\n[[case.boundary]]\non = \"right\"\ntraction = [0, 1]\n";
-  const auto together = solved<2>(rectangle + both),
-             by_cloud = solved<2>(rectangle + "[cloud]\nspacing = 0.2\n" + both);
-  EXPECT_EQ(together.solution.coefficients.cols(), together.basis().space.size());
-  EXPECT_FALSE(together.elements);
-  EXPECT_TRUE(by_cloud.elements);
-  const Answer<2>&bent = together.more[0], &corrected = by_cloud.more[0];
-  EXPECT_EQ(bent.estimates->corrections, 0);
-  EXPECT_GT(bent.estimates->mesh, 1e-4);
-  EXPECT_LT(bent.estimates->mesh, 0.03);
-  EXPECT_NEAR(bent.solution.strain_energy / corrected.solution.strain_energy, 1.0, 1e-3);
-  EXPECT_LT(bent.balance.error, 1e-8);
-}
-
-TEST(Slenderness, OfWhichRoundingLeavesMoreThanAPerCentIsRefused) {
-  const auto beam = [](double length, const std::string& more) {
-    return solved<2>(
-        "[geometry]\nshape = \"rectangle\"\nparameters = { width = " + std::to_string(length) +
-        ", height = 0.2 }\nmesh_size = 0.2\n[analysis]\nplane = \"stress\"\n[material]\nE = 1e4\nnu = 0.3\n"
-        "[[boundary]]\non = \"left\"\ndisplacement = [0, 0]\n"
-        "[[boundary]]\non = \"right\"\nforce = [0, 1e-6]\n" +
-        more);
-  };
-  const std::string elements = "[basis]\nkind = \"p2\"\n";
-  for (const std::string& kind : {std::string(), elements}) {
-    const auto bearable = beam(100.0, kind);
-    EXPECT_TRUE(bearable.refusal.empty()) << bearable.refusal;
-    EXPECT_NEAR(bearable.solution.strain_energy / (1e-12 * 1e6 / 40.0), 1.0, 0.01);
-  }
-  // However small the pivots: eliminated from the free end on a beam has none that are, as at 1500. Which of the two
-  // is seen first depends on rounding.
-  for (const double length : {800.0, 1500.0}) {
-    EXPECT_THAT(
-        [&] { beam(length, elements); },
-        ThrowsMessage<NumericalError>(AnyOf(HasSubstr("ill-conditioned"), HasSubstr("singular to working precision"))))
-        << length;
-    EXPECT_THROW(beam(length, ""), NumericalError) << length;
-  }
-  // The matrix by itself, which forces out of balance do not tell of: at 600 the energy is 18 % off.
-  for (const double length : {600.0, 1500.0})
-    EXPECT_THROW(beam(length, "[basis]\nkind = \"p1\"\n"), NumericalError) << length;
-}
-
-TEST(Slenderness, StrainsBesideMotionsOfTheWholeBodyAreRightOrSaidToBeRounding) {
-  const auto block = [](const std::string& moved, const std::string& strained, const std::string& more) {
-    return solved<2>(
-        "[geometry]\nshape = \"rectangle\"\nparameters = { width = 2, height = 1 }\nmesh_size = 0.1\n"
-        "[analysis]\nplane = \"stress\"\n[material]\nE = 1\nnu = 0.3\n"
-        "[[boundary]]\non = \"left\"\ndisplacement = [" +
-        moved + ", " + moved + "]\n[[boundary]]\non = \"right\"\ndisplacement = [\"" + moved + " + " + strained +
-        "\", " + moved + "]\n" + more);
-  };
-  for (const std::string& basis :
-       std::vector<std::string>{"", "[basis]\nkind = \"p1\"\n", "[basis]\nkind = \"p2\"\n"}) {
-    const auto still = block("0", "1e-3", basis);
-    EXPECT_THAT(still.warnings, Not(Contains(HasSubstr("as a whole"))));
-    for (const std::string& moved : std::vector<std::string>{"1", "1e3", "1e5"}) {
-      const auto along = block(moved, "1e-3", basis);
-      const double off = along.solution.strain_energy / still.solution.strain_energy - 1.0;
-      EXPECT_LT(std::abs(off), 1e-6) << basis << moved;
-      EXPECT_NEAR(along.estimates->total() / still.estimates->total(), 1.0, 0.01) << basis << moved;
-      EXPECT_NEAR(along.estimates->uncorrected, still.estimates->uncorrected, 0.01 * still.estimates->uncorrected);
-    }
-    for (const std::string& moved : std::vector<std::string>{"1", "1e7"})
-      for (const std::string& strained : {std::string("0"), "1e-16 * " + moved}) {
-        const auto as_a_whole = block(moved, strained, basis);
-        EXPECT_EQ(as_a_whole.refusal, "");
-        EXPECT_THAT(as_a_whole.warnings, Contains(HasSubstr("the body moves as a whole"))) << basis << moved;
-      }
-  }
-}
-
-TEST(LoadCases, SlideOnHolesAndSlitsAsOneAloneDoes) {
-  const std::string body =
-      "[geometry]\nshape = \"annulus\"\nparameters = { inner = 1, outer = 2 }\nmesh_size = 0.2\n"
-      "[analysis]\nplane = \"strain\"\n[material]\nE = 1\nnu = 0.3\n"
-      "[[boundary]]\non = \"inner\"\nnormal_displacement = 0\n"
-      "[[boundary]]\non = { box = [[1.9, -0.3], [2.1, 0.3]] }\ndisplacement = [\"free\", 0]\n";
-  const std::string pulled = "[[case]]\nname = \"a\"\n[[case.boundary]]\non = \"outer\"\npressure = 1\n",
-                    pushed = "[[case]]\nname = \"b\"\n[[case.boundary]]\non = \"outer\"\npressure = -2\n";
-  const auto alone = solved<2>(body + pulled), together = solved<2>(body + pulled + pushed);
-  EXPECT_NEAR(together.solution.strain_energy / alone.solution.strain_energy, 1.0, 0.01);
-  EXPECT_NEAR(together.more[0].solution.strain_energy / together.solution.strain_energy, 4.0, 1e-9);
 }
 
 TEST(Results, FieldsOfAnyoneAreWrittenWithoutACase) {

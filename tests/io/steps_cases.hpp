@@ -40,6 +40,12 @@ name = "end"
 at = [2, 1]
 )";
 
+/// The same strip, pressed until it is turned inside out.
+inline const std::string turned_strip =
+    replaced(replaced(pulled_strip, "model = \"neo_hookean\"\nmu = 0.7\nlambda = 1.3",
+                      "model = \"st_venant_kirchhoff\"\nE = 1\nnu = 0"),
+             "1.6*t", "-2.4*t");
+
 /// Columns of history.csv.
 inline std::map<std::string, std::vector<double>> history(const std::filesystem::path& file) {
   std::istringstream lines(content(file));

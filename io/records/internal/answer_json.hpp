@@ -33,8 +33,7 @@ template <int Dim> nlohmann::ordered_json balance_json(const Balance<Dim>& balan
 template <int Dim> nlohmann::ordered_json json_of(const OnSurface<Dim>& numbers) {
   nlohmann::ordered_json json = nlohmann::ordered_json::object();
   if (numbers.strain_energy)
-    json["strain_energy"] = {{"value", *numbers.strain_energy},
-                             {"error", numbers.energy_error * std::abs(*numbers.strain_energy)}};
+    json["strain_energy"] = {{"value", numbers.strain_energy->value}, {"error", numbers.strain_energy->error}};
   for (const auto& [name, of] : numbers.probes)
     json["probes"][name] = {{"displacement", json_array(of.value)}, {"error", json_array(of.error)}};
   for (const auto& [name, of] : numbers.reactions)

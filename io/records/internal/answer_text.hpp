@@ -61,7 +61,7 @@ template <int Dim> std::vector<std::string> balance_text(const Balance<Dim>& bal
 
 /// The same with the true surface of the body in place of facets, with its error; nothing where that is not known.
 template <int Dim> std::string on_surface_text(const Answer<Dim>& answer,
-                                               std::map<std::string, WithError<Dim>> OnSurface<Dim>::*kind,
+                                               std::map<std::string, WithError<Vec<Dim>>> OnSurface<Dim>::*kind,
                                                const std::string& name) {
   if (!answer.on_surface) return "";
   const auto& all = (*answer.on_surface).*kind;

@@ -16,9 +16,6 @@ const std::array<std::string, 6>& side_names();
 /// A place in messages.
 std::string text_of(const Vec<3>& x);
 
-/// Whether there is any load.
-bool acts(const Loads<3>& loads);
-
 /// Adds the work-equivalent forces of all loads on the boundary, unscaled, on what its parts have in each octant.
 /// Tractions are taken to be linear in the normal: they get a vector that times the area of the surface is that of the
 /// faces of voxels, whose sum is exact. Returns what each load is. Throws InputError for loads that are not finite.
